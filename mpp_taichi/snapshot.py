@@ -16,10 +16,10 @@ MERGED_ARRAYS = ("mass", "radius", "charge", "free", "merged_into")
 MASS_ROUNDING = 1e-5  # of the whole mass, as sums in f32 over many mergers leave it
 ROD_ROUNDING = 1e-6
 """Relative difference of two lengths that are the same length, rounded to single precision."""
-_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
+PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
-_SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
-_ROD_ARRAYS = ("between", "length", "color")
+SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+ROD_ARRAYS = ("between", "length", "color")
 _COMOVING_ARRAYS = ("origin", "drift", "elapsed", "position", "velocity")
 
 
@@ -153,10 +153,10 @@ class Snapshot:
     def save(self, path: str | Path) -> None:
         """Write `.npz` (no pickles) by way of a temporary file, so that a crash leaves the old file whole."""
         path = Path(path)
-        arrays = {key: getattr(self, key) for key in _ARRAYS}
-        arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
+        arrays = {key: getattr(self, key) for key in PARTICLE_ARRAYS}
+        arrays |= {f"spring_{key}": getattr(self.springs, key) for key in SPRING_ARRAYS}
         if len(self.rods):
-            arrays |= {f"rod_{key}": getattr(self.rods, key) for key in _ROD_ARRAYS}
+            arrays |= {f"rod_{key}": getattr(self.rods, key) for key in ROD_ARRAYS}
         if self.merged_into is not None:
             arrays["merged_into"] = self.merged_into
         if self.comoving is not None:
@@ -175,11 +175,11 @@ class Snapshot:
         try:
             with np.load(path, allow_pickle=False) as data:
                 meta = json.loads(str(data["meta"]))
-                springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
-                arrays = {key: data[key] for key in _ARRAYS}
+                springs = Springs(**{key: data[f"spring_{key}"] for key in SPRING_ARRAYS})
+                arrays = {key: data[key] for key in PARTICLE_ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
                 if "rod_between" in data:
-                    arrays["rods"] = Rods(**{key: data[f"rod_{key}"] for key in _ROD_ARRAYS})
+                    arrays["rods"] = Rods(**{key: data[f"rod_{key}"] for key in ROD_ARRAYS})
                 arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
                 if "comoving_origin" in data:
                     arrays["comoving"] = Comoving(**{key: data[f"comoving_{key}"] for key in _COMOVING_ARRAYS})
@@ -194,7 +194,7 @@ class Snapshot:
         if version != FORMAT_VERSION:
             raise ValueError(f"its format is version {version}, this program reads version {FORMAT_VERSION}")
         count, links, bars = np.size(self.mass), np.size(self.springs.stiffness), np.size(self.rods.length)
-        owners = ((self, _ARRAYS, count), (self.springs, _SPRING_ARRAYS, links), (self.rods, _ROD_ARRAYS, bars))
+        owners = ((self, PARTICLE_ARRAYS, count), (self.springs, SPRING_ARRAYS, links), (self.rods, ROD_ARRAYS, bars))
         for owner, keys, rows in owners:
             for key in keys:
                 array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))

@@ -14,6 +14,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.numbered import numbered
+from mpp_taichi.views.pace import FRAMES_PER_SECOND
 from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.history import History
     from mpp_taichi.simulation.simulation import Simulation
 
-WINDOW_FRAMES_PER_SECOND = 60
 STEPS_PER_FRAME_WITHOUT_END = 10
 EXPORTED = (".csv", ".svg")
 
@@ -64,7 +64,7 @@ def show(
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
     desk = SessionDesk(simulation, goal, recorders, start)
     total = goal.step_count(spec)
-    frames = spec.record.seconds * WINDOW_FRAMES_PER_SECOND
+    frames = spec.record.seconds * FRAMES_PER_SECOND
     steps = total / frames if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
     span = steps * frames * simulation.dt if goal.endless else goal.span(spec)

@@ -17,13 +17,9 @@ from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.snapshot import Rods, Snapshot, Springs
+from mpp_taichi.snapshot import PARTICLE_ARRAYS, ROD_ARRAYS, SPRING_ARRAYS, Rods, Snapshot, Springs
 from mpp_taichi.start.overlaps import start_of_contacts
 from mpp_taichi.start.rod_checks import check_rods
-
-_PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
-_SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
-_ROD_ARRAYS = ("between", "length", "color")
 
 
 def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
@@ -34,7 +30,7 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     """
     layout = layout_of(spec)
     groups = _place(spec if placed_as is None else replace(spec, forces=placed_as.forces), layout)
-    arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
+    arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
     arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # along a held axis a given velocity is ignored
@@ -124,13 +120,13 @@ def _link(spec: SceneSpec, layout: ParticleLayout, rest_position: np.ndarray) ->
 
 def _joined(made: Iterable[Springs]) -> Springs:
     parts = [Springs(), *made]
-    return Springs(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in _SPRING_ARRAYS})
+    return Springs(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in SPRING_ARRAYS})
 
 
 def _rods(spec: SceneSpec, position: np.ndarray) -> Rods:
     """The rods of a scene, as long as the positions say."""
     parts = [Rods(), *(build("networks", entry).rods(position) for _, entry in spec.rigid_entries)]
-    return Rods(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in _ROD_ARRAYS})
+    return Rods(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in ROD_ARRAYS})
 
 
 def _centered(snapshot: Snapshot) -> Snapshot:

@@ -9,10 +9,10 @@ from taichi.ui.utils import get_field_info
 
 from mpp_taichi.views.ggui import read_back
 from mpp_taichi.views.ggui_folder import ggui_folder
+from mpp_taichi.views.pace import FRAMES_PER_SECOND
 from mpp_taichi.views.window_place import fitted, windows_screen
 from mpp_taichi.views.x_display import XDisplay
 
-FRAMES_PER_SECOND = 60
 Guard = Callable[[], AbstractContextManager[None]]
 
 

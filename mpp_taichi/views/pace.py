@@ -9,7 +9,7 @@ SLOW_SECONDS = 0.08  # an advance that takes longer is halved, so that the windo
 QUICK_SECONDS = 0.04  # an advance that takes less is doubled, up to the requested number of steps
 RATE_SECONDS = 0.5  # time over which steps per second are counted
 SLOWEST, FASTEST = -8, 12  # powers of two
-FRAMES_PER_SECOND = 60
+FRAMES_PER_SECOND = 60  # of a window
 MOST_FRAMES = 12  # after a longer wait, as for a picture on a slow machine, a run lags behind the clock
 KEEPS_UP = 0.8  # share of the requested speed from which on a run keeps up
 
