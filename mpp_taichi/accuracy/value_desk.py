@@ -16,6 +16,7 @@ from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.value_reference import MEANING, ValueReference, scales_of
 from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.accuracy.workbench import Workbench
+from mpp_taichi.quantities._base import Setting
 
 WELL_KNOWN = 1e-13  # a bar below which no better reference is tried
 WITHIN_AIM = 0.05  # of an aim: no better reference is tried below this bar
@@ -120,7 +121,7 @@ class ValueDesk:
         trusted = bool(np.max(bars / scales) < MEANING) if sure is None else sure
         self.reference = ValueReference(
             self.wanted.name,
-            self.wanted.labels,
+            self.wanted.labels(Setting(self.problem.spec, self.problem.start)),
             values=[float(each) for each in values],
             bars=[float(each) for each in bars],
             scatters=[0.0] * len(values) if scatters is None else [float(each) for each in scatters],

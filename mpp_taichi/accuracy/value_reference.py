@@ -73,7 +73,7 @@ class ValueReference:
 
     @property
     def told(self) -> str:
-        """`orbital_period(of=1, around=0) = 6.28318530718 ± 4e-15, by taylor in f64, tolerance = 1e-15`."""
+        """`orbital_period(of=earth, around=sun) = 6.28318530718 ± 4e-15, by taylor in f64, tolerance = 1e-15`."""
         shown = "; ".join(self._value(k) for k in range(min(3, len(self.values))))
         more = f"; and {len(self.values) - 3} more" if len(self.values) > 3 else ""
         how = f"{self.steps:,} steps" if self.tolerance is None else f"{self.control} = {self.tolerance:.2g}"

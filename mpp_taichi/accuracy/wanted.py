@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.quantities._base import Setting
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES, kind_of
 from mpp_taichi.scene.spec import Expectation, SceneSpec
@@ -39,10 +40,9 @@ class Wanted:
         """The name by which tables and choices tell the quantity from positions and energies of the study."""
         return f"{self.name} of expect" if self.name in STUDYS_OWN else self.name
 
-    @property
-    def labels(self) -> list[str]:
-        """`orbital_period(of=1, around=0)` for each entry."""
-        return [label_of(entry) for entry in self.entries]
+    def labels(self, setting: Setting) -> list[str]:
+        """`orbital_period(of=earth, around=sun)` for each entry."""
+        return [label_of(entry, setting) for entry in self.entries]
 
     def identity(self) -> list[Any]:
         """The quantity and the parameters of its entries, as plain data."""

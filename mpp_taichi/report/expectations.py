@@ -112,8 +112,7 @@ class Watcher:
         for expectation, (value, reason) in zip(self.expectations, self.values(summary)):
             passed = value is not None and holds(expectation, value, precision)
             bound, told = bound_text(expectation, precision, value), value_text(expectation, precision, value)
-            shown = _shown(expectation)
-            named = _label(expectation.quantity, shown | _names(expectation, setting))
+            shown, named = _shown(expectation), label_of(expectation, setting)
             rows.append(Verdict(expectation.quantity, shown, value, bound, passed, reason, named, told))
         return rows
 
@@ -143,9 +142,9 @@ def diagnostic_of(expectation: Expectation) -> Diagnostic:
     return reduced(component.build("quantities", expectation.quantity, given), **keys)
 
 
-def label_of(expectation: Expectation) -> str:
-    """The quantity and its parameters as in a verdict, `orbital_period(of=1, around=0)`."""
-    return _label(expectation.quantity, _shown(expectation))
+def label_of(expectation: Expectation, setting: Setting | None = None) -> str:
+    """`orbital_period(of=1, around=0)`, and with a setting `orbital_period(of=earth, around=sun)`."""
+    return _label(expectation.quantity, _shown(expectation) | _names(expectation, setting))
 
 
 def _label(quantity: str, parameters: Mapping[str, Any]) -> str:

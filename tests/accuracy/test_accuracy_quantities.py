@@ -21,6 +21,7 @@ from mpp_taichi.accuracy.value_reference import STUDENT, ValueConvergence, Value
 from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
+from mpp_taichi.quantities._base import Setting
 from mpp_taichi.scene.load import load_scene
 
 METHODS = ("leapfrog", "pefrl")
@@ -154,8 +155,10 @@ def test_a_quantity_that_is_an_error_itself_is_not_divided_by_its_value(tmp_path
 
 def test_of_two_entries_the_larger_error_counts():
     ends = {"end_position": [{"of": "planet", "axis": axis, "below": 9} for axis in "xyx"]}
-    wanted = Wanted.of(load_scene(ellipse(expect=ends)), "end_position")
-    assert wanted.labels == ["end_position(of=1, axis=x)", "end_position(of=1, axis=y)"]  # the third repeats the first
+    problem = pose(load_scene(ellipse(expect=ends)), of="end_position")
+    wanted, setting = problem.wanted, Setting(problem.spec, problem.start)
+    told = ["end_position(of=planet, axis=x)", "end_position(of=planet, axis=y)"]  # the third entry repeats the first
+    assert wanted.labels(setting) == told
     known = reference(wanted, values=[2.0, 0.5], bars=[0.0, 0.0])
     assert known.error(sample_with([[2.0 + 2e-3, 0.5 + 1e-3]])).value == pytest.approx(2e-3)
     assert known.error(sample_with([[2.0 + 2e-3, 0.5 + 1e-9]])).value == pytest.approx(1e-3)
@@ -164,7 +167,7 @@ def test_of_two_entries_the_larger_error_counts():
 def reference(wanted, *, values, bars, scatters=(0.0, 0.0), runs=1):
     scales = [float(scale) for scale in scales_of(wanted, np.array(values), np.array(bars))]
     return ValueReference(
-        wanted.name, wanted.labels, values, bars, list(scatters), scales, runs, 1024, trusted=True, integrator="pefrl", steps=64
+        wanted.name, ["x", "y"], values, bars, list(scatters), scales, runs, 1024, trusted=True, integrator="pefrl", steps=64
     )
 
 
@@ -247,7 +250,7 @@ def test_the_table_has_a_column_of_the_quantity(tmp_path, capfd):
     told = capfd.readouterr().out
     found = json.loads((tmp_path / "out" / "accuracy.json").read_text(encoding="utf-8"))
     assert code == 0 and "orbital_period   energy" in told and "position" not in told
-    assert "Reference: orbital_period(of=1, around=0) = 6.2831853" in told
+    assert "Reference: orbital_period(of=planet, around=sun) = 6.2831853" in told
     assert found["quantity"] == found["wanted"] == "orbital_period" and found["values"]["runs"] == 1
     assert "error of orbital_period" in (tmp_path / "out" / "accuracy.html").read_text(encoding="utf-8")
 
