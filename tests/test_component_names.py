@@ -7,8 +7,8 @@ import pytest
 
 from mpp_taichi import component
 
-MAY_NAME_COMPONENTS = ("importers", "exporters", "compare")
-"""Folders that translate between this program and others, whose forces and methods they match by name."""
+MAY_NAME_COMPONENTS = ("importers", "exporters", "compare", "verify")
+"""Folders that translate between this program and others, whose forces and methods they match by name, or that hold scenes."""
 UNMISTAKABLE_KINDS = ("forces", "integrators", "contacts")
 """Kinds whose names mean nothing else in this program.
 
