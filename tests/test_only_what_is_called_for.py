@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mpp_taichi import SceneError, Simulation, component
-from scenes import everything, kepler
+from scenes import cluster, everything
 
 
 def run_python(code):
@@ -94,13 +94,23 @@ def test_fields_are_those_that_the_effects_need():
         assert not {"spring_damping", "scratch_0", "radius"} & set(simulation.state.field_sizes())
 
 
-def test_an_effect_of_zero_changes_no_bit():
-    with Simulation(kepler(0.3), backend="cpu", plan="serial") as simulation:
-        without = simulation.run(steps=500).snapshot()
-    scene = kepler(0.3, forces=[{"uniform_gravity": {"acceleration": [0, 0, 0]}}])
-    with Simulation(scene, backend="cpu", plan="serial") as simulation:
-        with_zero = simulation.run(steps=500).snapshot()
-    assert np.array_equal(without.position, with_zero.position)
+NOTHING = (
+    {"uniform_gravity": {"acceleration": [0, 0, 0]}},
+    {"coulomb": {"coulomb_constant": 0}},
+    {"linear_drag": {"coefficient": 0}},
+    {"harmonic_drive": {"force": [0, 0, 0], "angular_frequency": 1}},
+)
+
+
+def test_an_effect_of_zero_changes_no_bit_and_is_not_compiled():
+    """With enough bodies, the loop over pairs is another where a second force acts, and rounds otherwise."""
+    ends = []
+    for forces in ((), NOTHING):
+        scene = cluster(40)
+        with Simulation(scene | {"forces": [*scene["forces"], *forces]}, backend="cpu", precision="f64") as simulation:
+            ends.append(simulation.run(steps=50).snapshot())
+            assert [force.name for force in simulation.spec.forces] == ["newtonian_gravity"]
+    assert np.array_equal(ends[0].position, ends[1].position) and np.array_equal(ends[0].velocity, ends[1].velocity)
 
 
 FORCE = '''"""A spring to the origin."""

@@ -15,7 +15,7 @@ class HarmonicDrive(ExternalForce):
     rounded to ω t 2⁻²⁴. Source: Landau & Lifshitz, Mechanics (1976), §22 and §26.
     """
 
-    force: Vector = param(slider=True, unit="force", help="amplitude F₀ of the force on each driven particle")
+    force: Vector = param(strength=True, slider=True, unit="force", help="amplitude F₀ of the force on each driven particle")
     angular_frequency: float = param(minimum=0.0, slider=True, unit="time⁻¹", help="angular frequency ω")
     phase: float = param(0.0, slider=True, unit="radian", help="phase φ; pi/2 makes a cosine")
     of: Particles = param(None, optional=True, help="the driven particle or group; absent: every particle")

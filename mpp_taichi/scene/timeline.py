@@ -37,7 +37,7 @@ def with_phases(
     """
     node = tree.get("timeline")
     if node is None or not times:
-        return spec
+        return replace(spec, forces=_acting(spec.forces))
     _check_times(spec, times, node, faults)
     faults.raise_if_any()
     given = [(at, entry.value["set"], entry.location) for at, entry in zip(times, node.value, strict=True)]
@@ -204,7 +204,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _acting(forces: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
-    """The forces whose strength is not zero; a timeline removes an effect by setting its strength to zero."""
+    """The forces whose strength is not zero: others are not compiled, and change no bit; a timeline removes an effect so."""
     return tuple(entry for entry in forces if not _is_nothing(entry))
 
 
