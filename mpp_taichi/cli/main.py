@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, new, record, replay, run, scenes, schema
+from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, new, record, replay, run, scenes, schema, verify
 from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import (
@@ -46,6 +46,7 @@ VERBS: dict[str, ModuleType] = {
     "check": check,
     "convert": convert,
     "replay": replay,
+    "verify": verify,
     "info": info,
     "schema": schema,
 }

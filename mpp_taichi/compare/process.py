@@ -29,8 +29,12 @@ class WorkerError(MppError):
 class WorkerProcess:
     """A child process; `look` is called while an answer is awaited and may raise."""
 
-    def __init__(self, folder: Path, cache: Path, look: Callable[[], None]) -> None:
-        """Start the worker. `folder` is for its standard error, `cache` for the compilers' caches.
+    def __init__(
+        self, folder: Path, cache: Path | None, look: Callable[[], None], *, module: str = "mpp_taichi.compare.worker"
+    ) -> None:
+        """Start the worker, a module that answers lines.
+
+        `folder` is for its standard error, `cache` for the compilers' caches; absent: those that every run uses.
 
         Raises:
             WorkerError: the system starts no process.
@@ -39,11 +43,11 @@ class WorkerProcess:
         self._log = folder / f"worker-{id(self):x}.log"
         root = str(Path(__file__).parents[2])
         environment = child_environment() | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
-        environment |= caches(cache)
+        environment |= caches(cache) if cache is not None else {}
         try:
             with open(self._log, "wb") as log:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "mpp_taichi.compare.worker"],
+                    [sys.executable, "-m", module],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=log,

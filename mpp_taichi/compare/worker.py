@@ -6,17 +6,15 @@ output of libraries goes to standard error.
 """
 
 import contextlib
-import json
 import os
-import sys
 import time as clock
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
+from mpp_taichi.compare.answering import answer_lines
 from mpp_taichi.compare.evidence import Contender, follow, gather
 from mpp_taichi.device.energy_counters import EnergyMeasurement, energy_counters
-from mpp_taichi.device.with_parent import end_with_parent
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -131,29 +129,10 @@ class Worker:
 
 def main() -> None:
     """Answer until standard input ends."""
-    end_with_parent()
-    with _own_output() as output:
-        worker = Worker()
-        for text in sys.stdin:
-            try:
-                answer = {"ok": True, **worker.answer(json.loads(text))}
-            except MppError as error:
-                answer = {"ok": False, "reason": " ".join(str(error).split())}
-            except Exception as error:  # drivers may raise any exception, which the row then reports
-                answer = {"ok": False, "reason": f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"}
-            output.write(json.dumps(answer) + "\n")
-            output.flush()
-        with contextlib.suppress(Exception):
-            worker.do_close()
-
-
-@contextlib.contextmanager
-def _own_output() -> Any:
-    """A stream to standard output only for the answers; the output of libraries goes to standard error."""
-    kept: TextIO = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    with kept:
-        yield kept
+    worker = Worker()
+    answer_lines(worker.answer)
+    with contextlib.suppress(Exception):
+        worker.do_close()
 
 
 if __name__ == "__main__":

@@ -9,12 +9,8 @@ from mpp_taichi.verify.place import Place
 GROUPS = {
     "forces": "Forces against an independent sum",
     "gravity": "Hard cases of gravity",
-    "springs": "Hard cases of springs",
-    "spheres": "Hard cases of spheres",
     "numerics": "Reproducible numbers",
     "orders": "Orders, reversibility and conservation of integrators",
-    "published": "Published numbers",
-    "statistics": "Statistics of gases",
 }
 """The modules of `cases/` in the order of the report, with their headings."""
 

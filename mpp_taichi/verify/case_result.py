@@ -35,6 +35,14 @@ class CaseResult:
     reason: str = ""
     seconds: float = 0.0
 
+    @property
+    def told(self) -> str:
+        """`solved, 3.2e-14 ≤ 6.1e-13`, or `refused: …`."""
+        if self.reached is None or self.bound is None:
+            return f"{self.status}: {self.reason}"
+        sign = "≤" if self.status == SOLVED else ">"
+        return f"{self.status}, {self.reached:.2g} {sign} {self.bound:.2g}"
+
     def facts(self) -> dict[str, Any]:
         """The row as plain data."""
         return asdict(self)

@@ -6,9 +6,10 @@ from mpp_taichi.verify.case import GROUPS, Case
 
 
 def cases() -> list[Case]:
-    """All cases; a case of a module counts by being there."""
-    found = []
+    """All cases: of each module those that stand there, alone or in a list."""
+    found: list[Case] = []
     for group in GROUPS:
-        module = importlib.import_module(f"mpp_taichi.verify.cases.{group}")
-        found += [each for each in vars(module).values() if isinstance(each, Case)]
+        for each in vars(importlib.import_module(f"mpp_taichi.verify.cases.{group}")).values():
+            several = each if isinstance(each, list) else [each]
+            found += [case for case in several if isinstance(case, Case) and case.group == group]
     return found
