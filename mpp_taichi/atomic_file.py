@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mpp_taichi.errors import OutputError
+from mpp_taichi.passport.carried import stamp
 
 
 @contextmanager
@@ -23,6 +24,7 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield fresh(temporary)
+        stamp(temporary)
         if durable:
             with open(temporary, "rb+") as stream:
                 os.fsync(stream.fileno())

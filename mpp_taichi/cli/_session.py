@@ -16,6 +16,7 @@ from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._last_files import farewell, state_file, write_all
 from mpp_taichi.cli._outcome import Outcome
 from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
+from mpp_taichi.cli._passport import passport_facts
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import ANSWER_SECONDS, Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
@@ -26,6 +27,7 @@ from mpp_taichi.cli._validity import Validity
 from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import BackendError, MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
+from mpp_taichi.passport.carried import carrying
 from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.event_log import EventLogRecorder
 from mpp_taichi.recorders.film import FilmRecorder
@@ -84,7 +86,8 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None and request.is_new else Validity()
         run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right, validity)
         run.glass = None if stage is None else stage.glass
-        return run.go(interruption, sinks, trajectory)
+        with carrying(passport_facts(spec, simulation)):
+            return run.go(interruption, sinks, trajectory)
 
 
 class _Run:

@@ -15,7 +15,22 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, new, record, replay, run, scenes, schema, verify
+from mpp_taichi.cli import (
+    accuracy,
+    check,
+    compare,
+    convert,
+    explain,
+    info,
+    new,
+    passport,
+    record,
+    replay,
+    run,
+    scenes,
+    schema,
+    verify,
+)
 from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import (
@@ -47,6 +62,7 @@ VERBS: dict[str, ModuleType] = {
     "convert": convert,
     "replay": replay,
     "verify": verify,
+    "passport": passport,
     "info": info,
     "schema": schema,
 }

@@ -105,6 +105,7 @@ def _places(arguments: argparse.Namespace) -> "tuple[list[Place], dict[str, str]
 
 
 def _ask(questions: "list[Question]", missing: dict[str, str], arguments: argparse.Namespace) -> dict[str, Any]:
+    from mpp_taichi.cli._passport import keep_verdict
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.recorders._lock import OutputLock
     from mpp_taichi.verify.examination import Examination
@@ -123,6 +124,8 @@ def _ask(questions: "list[Question]", missing: dict[str, str], arguments: argpar
                 found = plain(facts(questions, results, missing))
                 found["went_on"] = went_on(journal)
                 found["files"] = _write(folder, found)
+                if arguments.only is None:
+                    keep_verdict(found, length="full" if arguments.full else "quick")
                 journal.end()
         finally:
             lock.release()

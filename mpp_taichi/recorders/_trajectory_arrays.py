@@ -12,6 +12,7 @@ import numpy as np
 
 from mpp_taichi.atomic_file import fresh
 from mpp_taichi.errors import StateError
+from mpp_taichi.passport.carried import stamp
 from mpp_taichi.recorders._trajectory_parts import TrajectoryPart
 from mpp_taichi.recorders.trajectory_file import opened_array
 from mpp_taichi.snapshot import Snapshot
@@ -96,6 +97,7 @@ class ArrayWriter:
             if keep:
                 with zipfile.ZipFile(fresh(whole), "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
                     self._pack(archive)
+                stamp(whole, self.path.suffix)
                 os.replace(whole, self.path)
                 packed = True
         finally:

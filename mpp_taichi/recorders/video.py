@@ -24,6 +24,7 @@ from mpp_taichi.atomic_file import fresh
 from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.errors import OutputError
 from mpp_taichi.missing_package import is_absent, missing_line
+from mpp_taichi.passport.carried import stamp
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders._stall import STALL_SECONDS, ends_in_time
 
@@ -245,6 +246,7 @@ class VideoRecorder:
                 fresh(temporary)
             for command in commands:
                 self._run(command)
+            stamp(whole if commands else self._part)
             os.replace(whole if commands else self._part, self.path)
             self._part.unlink(missing_ok=True)
         except OSError as error:
