@@ -13,7 +13,12 @@ GROUPS = {
     "spheres": "Hard cases of spheres",
     "numerics": "Reproducible numbers",
     "orders": "Orders, reversibility and conservation of integrators",
-    "published": "Published numbers",
+    "published_gravity": "Published numbers: choreographies and periodic orbits",
+    "published_encounters": "Published numbers: encounters and scattering",
+    "published_solar_system": "Published numbers: the Solar System",
+    "published_runs": "Published numbers: runs of a course, and Kepler-16",
+    "published": "Published numbers: springs, pendulums and rockets",
+    "published_spheres": "Published numbers: balls",
     "statistics": "Statistics of gases",
 }
 """The modules of `cases/` in the order of the report, with their headings."""
