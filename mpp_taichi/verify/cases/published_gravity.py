@@ -157,7 +157,7 @@ SIMO = "C. Simó, in European Congress of Mathematics (Birkhäuser, 2001) 101; s
 
 super_eight = row(
     __name__, "super_eight", "Four bodies of the super-eight take each other's places in a quarter of the period 2π",
-    f"{SIMO}; (1.382857, 0) of T. Kapela and P. Zgliczyński, Nonlinearity 16 (2003) 1899", partial(_chain, 4), quick=True,
+    f"{SIMO}; (1.382857, 0) of T. Kapela and P. Zgliczyński, Nonlinearity 16 (2003) 1899", partial(_chain, 4),
 )  # fmt: skip
 chain_of_five = row(
     __name__, "chain_of_five", "Five bodies on a chain of four loops take each other's places in a fifth of the period 2π",
