@@ -11,6 +11,13 @@ GROUPS = {
     "gravity": "Hard cases of gravity",
     "numerics": "Reproducible numbers",
     "orders": "Orders, reversibility and conservation of integrators",
+    "published_gravity": "Published numbers: choreographies and periodic orbits",
+    "published_encounters": "Published numbers: encounters and scattering",
+    "published_solar_system": "Published numbers: the Solar System",
+    "published_runs": "Published numbers: runs of a course, and Kepler-16",
+    "published": "Published numbers: springs, pendulums and rockets",
+    "published_spheres": "Published numbers: balls",
+    "statistics": "Statistics of gases",
 }
 """The modules of `cases/` in the order of the report, with their headings."""
 
