@@ -21,3 +21,8 @@ def rounding(place: Place, *, steps: int, stages: int, phase: float, leverage: f
     bound = math.sqrt(ROUNDINGS * steps * stages) * of_step * (1.0 + 3.0 * phase * leverage)
     grows = f", each of which grows to 1 + 3φL times its size, φ = {phase:.3g} rad, L = {leverage:.3g}" if leverage else ""
     return bound, f"√(3 n s) roundings of r = {of_step:.1g} at random, n = {steps} steps of s = {stages} stages{grows}"
+
+
+def rounded(count: float) -> float:
+    """√(3 n): three standard deviations of the sum of n roundings at random, in units of the largest error of one of them."""
+    return math.sqrt(3.0 * count)
