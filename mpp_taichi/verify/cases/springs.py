@@ -147,6 +147,7 @@ def impossible_springs(place: Place) -> Found:
         {"rest_length": -1.0},
     ]
     taken = 0
+    ends_of(place, {"particles": bodies[:2], "springs": [{"link": fine}], "integrator": {"leapfrog": {"dt": 0.01}}}, 1)
     for fault in wrong:
         scene = {"particles": bodies, "springs": [{"link": fine | fault}], "integrator": {"leapfrog": {"dt": 0.01}}}
         taken += not place.refusal(scene, steps=1)
