@@ -74,3 +74,8 @@ def student(chance: float, freedom: int) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if chance_beyond(middle, freedom) > chance else (low, middle)
     return high
+
+
+def rounded(count: float) -> float:
+    """√(3 n): three standard deviations of the sum of n roundings at random, in units of the largest error of one of them."""
+    return math.sqrt(3.0 * count)

@@ -9,6 +9,8 @@ from mpp_taichi.verify.place import Place
 GROUPS = {
     "forces": "Forces against an independent sum",
     "gravity": "Hard cases of gravity",
+    "springs": "Hard cases of springs",
+    "spheres": "Hard cases of spheres",
     "numerics": "Reproducible numbers",
     "orders": "Orders, reversibility and conservation of integrators",
     "published_gravity": "Published numbers: choreographies and periodic orbits",
