@@ -311,7 +311,7 @@ def unlike_sizes(place: Place) -> Found:
 
 
 @case("Spheres that turn round come back to where they began", "reversibility; growth by a second start", solved_in=REAL)
-def there_and_back(place: Place) -> Found:
+def balls_there_and_back(place: Place) -> Found:
     """27 spheres in a box, forward, reversed, and back."""
     x = np.stack(np.meshgrid(*[np.arange(3.0) * 1.25 + 0.75] * 3, indexing="ij"), -1).reshape(-1, 3)
     v = np.random.default_rng(3).normal(size=x.shape)
