@@ -48,6 +48,9 @@ def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> View
     changed["arrows"] = tuple(
         _arrows_of(arrows, ("view", "arrows", number), finder) for number, arrows in enumerate(view.arrows)
     )
+    for number, light in enumerate(view.light):
+        if not any(light.direction):
+            finder.fault(("view", "light", number, "direction"), "must not be [0, 0, 0]")
     changed["labels"] = _labels(view.labels, layout, finder)
     return replace(view, **changed)
 
@@ -136,8 +139,6 @@ def check_view(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     for key in ("color_by", "spring_color_by"):
         if (chosen := getattr(view, key)) is not None:
             _check_colors(chosen, key, node.value[key], faults)
-    if view.light is not None and not any(view.light.direction):
-        faults.add(node.value["light"].location, "view.light.direction", "must not be [0, 0, 0]")
     if view.sky is not None and view.sky.stars and view.sky.file:
         faults.add(node.value["sky"].location, "view.sky", "has stars and a file, must have one of them")
 

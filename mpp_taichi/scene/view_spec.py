@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
-from mpp_taichi.scene.flag_or import FlagOr
+from mpp_taichi.scene.flag_or import FlagOr, FlagOrMapping
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
 ARROW_QUANTITIES = ("velocity", "acceleration", "force")
@@ -21,6 +21,11 @@ _MOST_LABELS = 1000
 def _nothing_is_empty(value: Any) -> Any:
     """`speed:` with nothing after it asks for the speed with all defaults."""
     return {} if value is None else value
+
+
+def _nothing_is_none(value: Any) -> Any:
+    """`light:` with nothing after it asks for no light."""
+    return [] if value is None else value
 
 
 _ASKED = BeforeValidator(_nothing_is_empty)
@@ -76,6 +81,21 @@ class TextureSpec:
 
 
 @dataclass(frozen=True)
+class BodyLightSpec:
+    """The light of a body on other bodies."""
+
+    __pydantic_config__ = _CLOSED
+    color: Annotated[
+        tuple[float, float, float] | None,
+        _COLOR,
+        Field(description="red, green, blue in 0…1; absent: white if it is the only light, else the body's colour"),
+    ] = None
+    brightness: Annotated[
+        float, Number(minimum=0.0, maximum=100.0), Field(description="factor of the light on other bodies")
+    ] = 1.0
+
+
+@dataclass(frozen=True)
 class BodyViewSpec:
     """The appearance of a body or a group; display only, no motion changes.
 
@@ -90,9 +110,11 @@ class BodyViewSpec:
         Number(above=0.0),
         Field(description="factor by which the distance from the body `around` is drawn larger, for moons"),
     ] = 1.0
-    light: Annotated[bool, Flag(), Field(description="the body shines and lights other bodies, which then cast shadows")] = (
-        False
-    )
+    light: Annotated[
+        BodyLightSpec | None,
+        FlagOrMapping(),
+        Field(description="true, or {color, brightness}: the body shines and lights other bodies, which then cast shadows"),
+    ] = None
     texture: Annotated[TextureSpec | None, Field(description="surface of the body")] = None
     spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None
 
@@ -110,6 +132,8 @@ class LightSpec:
         Number(above=0.0, maximum=20.0),
         Field(description="angular radius of the source, degrees; a larger source makes softer shadows"),
     ] = 0.27
+    color: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (1.0, 1.0, 1.0)
+    brightness: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="factor of the light")] = 1.0
 
 
 @dataclass(frozen=True)
@@ -271,11 +295,14 @@ class ViewSpec:
         default_factory=dict
     )  # by (first index, count) once the scene is loaded
     light: Annotated[
-        LightSpec | None,
+        tuple[LightSpec, ...],
+        OneOrMore(),
+        BeforeValidator(_nothing_is_none),
         Field(
-            description="distant light, with shadows; absent, and no body a light: light from the upper left, without shadows"
+            description="distant light, with shadows, or a list of several; absent, and no body a light: light from the upper "
+            "left, without shadows"
         ),
-    ] = None
+    ] = ()
     sky: Annotated[
         SkySpec | None, Field(description="stars or a picture behind the scene; only in the program's own renderer")
     ] = None
@@ -320,6 +347,7 @@ VIEW_SPECS: dict[str, type] = {
     "view": ViewSpec,
     "view.camera": CameraSpec,
     "view.bodies.NAME": BodyViewSpec,
+    "view.bodies.NAME.light": BodyLightSpec,
     "view.bodies.NAME.texture": TextureSpec,
     "view.bodies.NAME.spin": SpinSpec,
     "view.light": LightSpec,

@@ -12,7 +12,7 @@ class Drawing(NamedTuple):
     picture         at first the background
     curve           how light is displayed (`_display.py`)
     light           direction that light comes from where no body shines
-    surfaces        whether a body has a texture, shines or casts a shadow, at compile time; the rows below are used only then
+    surfaces        the parts of shading (`surface_parts.py`), at compile time; the rows below are used only where it is not 0
     material, place, texels, lights, casters, glow_count   as in `SurfaceTables`
     levels          light of the 256 values of a texel
     light_count, caster_count   rows of `lights` and `casters`

@@ -4,7 +4,8 @@ import taichi as ti
 
 from mpp_taichi.types import Template
 from mpp_taichi.views._sample_hits import NOWHERE, rays, sample_places, sphere_hit
-from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface, single
+from mpp_taichi.views._single import single
+from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface
 
 
 @ti.func

@@ -10,7 +10,8 @@ from mpp_taichi.views._drawing import Drawing
 from mpp_taichi.views._pixel_light import pixel_light
 from mpp_taichi.views._primitives import TILE
 from mpp_taichi.views._sample_hits import NOWHERE
-from mpp_taichi.views._surface_shading import packed_light, single
+from mpp_taichi.views._single import single
+from mpp_taichi.views._texels import packed_light
 
 
 @ti.kernel

@@ -166,7 +166,7 @@ class Renderer(View):
             canvas,
             CURVE,
             ti.Vector(LIGHT.tolist()),
-            bool(self._surfaces),
+            self._surfaces.parts,
             tables.material,
             tables.place,
             tables.texels,

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.scene.view_spec import LightSpec, SpinSpec, ViewSpec
+from mpp_taichi.scene.view_spec import SpinSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views._primitives import FAR
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.srgb import linear_from_srgb
+from mpp_taichi.views.lights import COLUMNS, Lights
+from mpp_taichi.views.surface_parts import COLORED_LIGHT, SURFACES
 from mpp_taichi.views.textures import Texture, make_texture
 
 MOST_CASTERS = 64
 """Most spheres that cast shadows: the largest spheres; of spheres with equal radii all or none."""
-AFAR = 1.0e4  # camera distances to a distant light
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class SurfaceTables:
     material  0…8: prime meridian, 90° east of it and north pole as directions; 9: 1 where it shines; shape (rows, 10)
     place     of the texture: first texel, columns, rows; 0 columns where it has none; shape (rows, 3)
     texels    of all textures, red | green << 8 | blue << 16 as displayed, rows from the north, from −180° eastward
-    lights    place, radius, light of the glow in red, green, blue, shape (count, 7); the light on other bodies is white
+    lights    as in lights.py
     casters   place, radius and index of the spheres that cast shadows, shape (count, 5)
     glow_count  the first lights are bodies, which glow
     """
@@ -41,7 +41,7 @@ class SurfaceTables:
     @staticmethod
     def none() -> "SurfaceTables":
         """Tables of a view without such bodies: one row each, since no array of a kernel may be empty."""
-        floats = [np.zeros((1, columns), np.float32) for columns in (10, 7, 5)]
+        floats = [np.zeros((1, columns), np.float32) for columns in (10, COLUMNS, 5)]
         return SurfaceTables(
             np.zeros((0, 2)), floats[0], np.zeros((1, 3), np.int32), np.zeros(1, np.uint32), floats[1], floats[2]
         )
@@ -52,14 +52,17 @@ class Surfaces:
 
     def __init__(self, spec: ViewSpec) -> None:
         """Find the bodies with a texture and the bodies that shine."""
-        self.bodies = {key: body for key, body in spec.bodies.items() if body.light or body.texture is not None}
+        self.bodies = {key: body for key, body in spec.bodies.items() if body.light is not None or body.texture is not None}
         self._textures: list[tuple[Texture, list[int]] | None] | None = None  # textures, and the first texel of each level
         self._texels = np.zeros(1, np.uint32)
-        self._light = spec.light
+        self._lights = Lights(spec)
+        asked = bool(self.bodies or spec.light)
+        self.parts: int = SURFACES * asked | COLORED_LIGHT * self._lights.colored
+        """The parts of shading that the pictures need; 0 where no body has a texture or shines, and no light casts shadows."""
 
     def __bool__(self) -> bool:
         """Whether a body has a texture or shines, or the light casts shadows."""
-        return bool(self.bodies) or self._light is not None
+        return self.parts > 0
 
     def tables(
         self, frame: Frame, camera: Camera, center: np.ndarray, size: np.ndarray, drawn: np.ndarray, rows: int
@@ -75,14 +78,13 @@ class Surfaces:
         marks = np.stack([np.full(count, -1.0), np.arange(count, dtype=float)], axis=1)
         material = np.zeros((max(len(self.bodies), 1), 10), np.float32)
         place = np.zeros((max(len(self.bodies), 1), 3), np.int32)
-        shining = np.zeros(count, dtype=bool)
+        shining = self._lights.shining(count)
         per_pixel = camera.length_per_pixel(center[:, 2] * camera.distance, rows) / camera.distance
         entries = enumerate(zip(self.bodies.items(), self._textures, strict=True))
         for row, (((first, group), body), found) in entries:
             marks[first : first + group, 0] = row
-            shining[first : first + group] |= body.light
             material[row, :9] = _orientation(body.spin, frame.time, camera).ravel()
-            material[row, 9] = body.light
+            material[row, 9] = body.light is not None
             if found is not None:
                 texture, starts = found
                 part = slice(first, first + group)
@@ -93,11 +95,7 @@ class Surfaces:
                 place[row] = starts[level], width, height
         there = (np.abs(center) < FAR).all(axis=1) & (size < FAR)
         lit_by = np.nonzero(there & shining)[0]
-        lights = np.concatenate(
-            [center[lit_by], drawn[lit_by, None], linear_from_srgb(frame.color[lit_by])], axis=1, dtype=np.float32
-        )
-        if self._light is not None:
-            lights = np.concatenate([lights, _light_from_afar(self._light, camera)])
+        lights = self._lights.rows(frame.color, camera, center, drawn, lit_by)
         casters = _casters(center, size, there & ~shining & (size > 0.0))
         return SurfaceTables(marks, material, place, self._texels, lights, casters, len(lit_by))
 
@@ -135,13 +133,6 @@ def _orientation(spin: SpinSpec | None, time: float, camera: Camera) -> np.ndarr
     meridian = math.cos(angle) * node + math.sin(angle) * east
     frame = np.stack([meridian, np.cross(axis, meridian), axis])
     return np.asarray(frame @ np.stack([camera.right, camera.up, -camera.backward], axis=1))
-
-
-def _light_from_afar(spec: LightSpec, camera: Camera) -> np.ndarray:
-    """A row of `lights` for a distant sphere without a glow."""
-    direction = np.array(spec.direction, dtype=float)
-    place = AFAR * np.stack([camera.right, camera.up, -camera.backward]) @ direction / np.linalg.norm(direction)
-    return np.array([[*place, AFAR * math.tan(math.radians(spec.angular_radius)), 0.0, 0.0, 0.0]], np.float32)
 
 
 def _casters(center: np.ndarray, size: np.ndarray, chosen: np.ndarray) -> np.ndarray:
