@@ -5,13 +5,21 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from mpp_taichi.scene.body_view_spec import (
+    BodyLightSpec,
+    BodyViewSpec,
+    CloudsSpec,
+    NightSpec,
+    NormalSpec,
+    SpinSpec,
+    TextureSpec,
+)
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
-from mpp_taichi.scene.flag_or import FlagOr, FlagOrMapping
+from mpp_taichi.scene.flag_or import FlagOr
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
 ARROW_QUANTITIES = ("velocity", "acceleration", "force")
-PATTERNS = ("banded", "continents", "cratered", "checker")
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = Color()
 _MOST_GROUPS = 64
@@ -48,75 +56,6 @@ class CameraSpec:
         "perspective"
     )
     height: Annotated[float | None, Number(above=0.0), Field(description="height of an orthographic picture [length]")] = None
-
-
-@dataclass(frozen=True)
-class SpinSpec:
-    """The rotation of a body's surface: by phase + 2π t / period about its axis."""
-
-    __pydantic_config__ = _CLOSED
-    period: Annotated[
-        float, Number(), Field(description="period of a turn about the axis; below 0 for the opposite direction [time]")
-    ]
-    axis: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="direction of the north pole")] = (0, 0, 1)
-    phase: Annotated[
-        float,
-        Number(),
-        Field(
-            description="angle at time 0 from the rising of the equator through the x–y plane to the prime meridian, radians"
-        ),
-    ] = 0.0
-
-
-@dataclass(frozen=True)
-class TextureSpec:
-    """The surface of a body: a picture of it, or a pattern made from a seed and the body's colour."""
-
-    __pydantic_config__ = _CLOSED
-    file: Annotated[
-        str | None, FileBeside(), Field(description="a picture beside the scene; longitude along its width, north on top")
-    ] = None
-    pattern: Annotated[str | None, Text(PATTERNS), Field(description="or a pattern: " + ", ".join(PATTERNS))] = None
-    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="seed of the pattern")] = 0
-
-
-@dataclass(frozen=True)
-class BodyLightSpec:
-    """The light of a body on other bodies."""
-
-    __pydantic_config__ = _CLOSED
-    color: Annotated[
-        tuple[float, float, float] | None,
-        _COLOR,
-        Field(description="red, green, blue in 0…1; absent: white if it is the only light, else the body's colour"),
-    ] = None
-    brightness: Annotated[
-        float, Number(minimum=0.0, maximum=100.0), Field(description="factor of the light on other bodies")
-    ] = 1.0
-
-
-@dataclass(frozen=True)
-class BodyViewSpec:
-    """The appearance of a body or a group; display only, no motion changes.
-
-    `around` is an index once the scene is loaded.
-    """
-
-    __pydantic_config__ = _CLOSED
-    radius_scale: Annotated[float, Number(above=0.0), Field(description="factor by which the radius is drawn larger")] = 1.0
-    around: Annotated[Any, Reference(), Field(description="the body from which distance_scale is measured")] = None
-    distance_scale: Annotated[
-        float,
-        Number(above=0.0),
-        Field(description="factor by which the distance from the body `around` is drawn larger, for moons"),
-    ] = 1.0
-    light: Annotated[
-        BodyLightSpec | None,
-        FlagOrMapping(),
-        Field(description="true, or {color, brightness}: the body shines and lights other bodies, which then cast shadows"),
-    ] = None
-    texture: Annotated[TextureSpec | None, Field(description="surface of the body")] = None
-    spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None
 
 
 @dataclass(frozen=True)
@@ -349,6 +288,9 @@ VIEW_SPECS: dict[str, type] = {
     "view.bodies.NAME": BodyViewSpec,
     "view.bodies.NAME.light": BodyLightSpec,
     "view.bodies.NAME.texture": TextureSpec,
+    "view.bodies.NAME.night": NightSpec,
+    "view.bodies.NAME.clouds": CloudsSpec,
+    "view.bodies.NAME.normal": NormalSpec,
     "view.bodies.NAME.spin": SpinSpec,
     "view.light": LightSpec,
     "view.sky": SkySpec,

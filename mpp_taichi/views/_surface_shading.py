@@ -9,8 +9,19 @@ import taichi as ti
 from mpp_taichi.types import Template
 from mpp_taichi.views._shadows import seen_share
 from mpp_taichi.views._single import direction, single
+from mpp_taichi.views._surface_maps import clouds_over, night_light, share_of_night, sloping_light, sloping_normal
 from mpp_taichi.views._texels import texture_light
-from mpp_taichi.views.surface_parts import COLORED_LIGHT
+from mpp_taichi.views.surface_parts import (
+    CLOUDS,
+    CLOUDS_AT,
+    COLORED_LIGHT,
+    NIGHT,
+    NIGHT_AT,
+    RELIEF,
+    RELIEF_AT,
+    SHINES,
+    TEXTURE_AT,
+)
 
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
 HOT = 0.45  # share of white in the middle of a shining body
@@ -63,17 +74,28 @@ def shade_surface(drawing: Template, p, x, y, depth):
     ray, point, normal = surface_at(drawing, p, x, y, depth)
     m = ti.cast(drawing.table[p, 12], ti.i32)
     shines, specular = single(0.0), single(SPECULAR)
+    ground, clear, dark = normal, single(1.0), single(1.0)
     if m >= 0:
-        shines = material[m, 9]
-        if drawing.place[m, 1] > 0:
+        shines = material[m, SHINES]
+        if drawing.place[m, TEXTURE_AT + 1] > 0:
             color = texture_light(drawing, m, normal)
             specular = single(0.0)
+        if ti.static(drawing.surfaces & RELIEF):
+            if drawing.place[m, RELIEF_AT + 1] > 0:
+                ground = sloping_normal(drawing, m, normal)
+        if ti.static(drawing.surfaces & CLOUDS):
+            if drawing.place[m, CLOUDS_AT + 1] > 0:
+                cloud = clouds_over(drawing, m, normal)
+                clear = 1 - cloud[3]
+                color = color * clear + ti.Vector([cloud[0], cloud[1], cloud[2]])
+                ground = direction(ground * clear + normal * cloud[3])
+                specular *= clear
     if shines > 0:
         toward_eye = ti.max(-normal.dot(direction(ray)), single(0.0))
         white = single(HOT) * toward_eye * toward_eye  # as a film shows light that is too bright for it
         color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
     elif drawing.light_count == 0:
-        color = lit_from_afar(drawing, color, normal, ray, specular)
+        color = lit_from_afar(drawing, color, ground, ray, specular)
     else:
         albedo = color
         color = albedo * drawing.ambient
@@ -82,13 +104,21 @@ def shade_surface(drawing: Template, p, x, y, depth):
             distance = ti.sqrt(way.dot(way))
             to_light = way * (single(1) / distance)
             diffuse = normal.dot(to_light)
+            if ti.static(drawing.surfaces & NIGHT):
+                dark *= share_of_night(diffuse)
+            if ti.static(drawing.surfaces & (RELIEF | CLOUDS)):
+                diffuse = sloping_light(diffuse, ground.dot(to_light))
             if diffuse > 0:
                 light = albedo * diffuse
                 if specular > 0:
-                    light += specular * highlight(normal, ray, to_light)
+                    light += specular * highlight(ground, ray, to_light)
                 if ti.static(drawing.surfaces & COLORED_LIGHT):
                     light *= ti.Vector([lights[k, 7], lights[k, 8], lights[k, 9]])
                 color += light * seen_share(drawing, point, to_light, distance, lights[k, 3], drawing.table[p, 13])
+        if ti.static(drawing.surfaces & NIGHT):
+            if m >= 0 and dark > 0:
+                if drawing.place[m, NIGHT_AT + 1] > 0:
+                    color += night_light(drawing, m, normal) * (dark * clear)
     return color
 
 

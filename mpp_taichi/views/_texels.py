@@ -6,6 +6,7 @@ import taichi as ti
 
 from mpp_taichi.types import Template
 from mpp_taichi.views._single import single
+from mpp_taichi.views.surface_parts import SURFACE_AXES, TEXTURE_AT
 
 
 @ti.func
@@ -15,19 +16,21 @@ def packed_light(drawing: Template, packed):
 
 
 @ti.func
-def texel_light(drawing: Template, k):
-    """Light of one texel."""
-    return packed_light(drawing, drawing.texels[k])
+def in_body(drawing: Template, m, normal, axes: Template):
+    """The normal in a body's coordinates: along the prime meridian, 90° east of it, and the north pole."""
+    material = ti.static(drawing.material)
+    east = normal.dot(ti.Vector([material[m, axes], material[m, axes + 1], material[m, axes + 2]]))
+    north_east = normal.dot(ti.Vector([material[m, axes + 3], material[m, axes + 4], material[m, axes + 5]]))
+    north = normal.dot(ti.Vector([material[m, axes + 6], material[m, axes + 7], material[m, axes + 8]]))
+    return east, north_east, north
 
 
 @ti.func
-def texture_light(drawing: Template, m, normal):
-    """Light of the texture of material m where the surface has a normal, between the four nearest texels."""
-    material, place = ti.static(drawing.material, drawing.place)
-    first, width, height = place[m, 0], place[m, 1], place[m, 2]
-    east = normal.dot(ti.Vector([material[m, 0], material[m, 1], material[m, 2]]))
-    north_east = normal.dot(ti.Vector([material[m, 3], material[m, 4], material[m, 5]]))
-    north = normal.dot(ti.Vector([material[m, 6], material[m, 7], material[m, 8]]))
+def between_texels(drawing: Template, m, normal, at: Template, axes: Template, light_of: Template):
+    """A map of material m, from column `at` of `place` on, where the surface has a normal, between the four nearest texels."""
+    place = ti.static(drawing.place)
+    first, width, height = place[m, at], place[m, at + 1], place[m, at + 2]
+    east, north_east, north = in_body(drawing, m, normal, axes)
     north = ti.min(ti.max(north, single(-1.0)), single(1.0))
     u = (ti.atan2(north_east, east) * single(0.5 / math.pi) + single(0.5)) * width - single(0.5)
     v = ti.acos(north) * single(1.0 / math.pi) * height - single(0.5)
@@ -36,6 +39,12 @@ def texture_light(drawing: Template, m, normal):
     s, t = u - ti.floor(u), v - ti.floor(v)
     left, right = (column + width) % width, (column + 1 + width) % width
     upper, lower = first + row * width, first + ti.min(row + 1, height - 1) * width
-    above = texel_light(drawing, upper + left) * (1 - s) + texel_light(drawing, upper + right) * s
-    below = texel_light(drawing, lower + left) * (1 - s) + texel_light(drawing, lower + right) * s
+    above = light_of(drawing, drawing.texels[upper + left]) * (1 - s) + light_of(drawing, drawing.texels[upper + right]) * s
+    below = light_of(drawing, drawing.texels[lower + left]) * (1 - s) + light_of(drawing, drawing.texels[lower + right]) * s
     return above * (1 - t) + below * t
+
+
+@ti.func
+def texture_light(drawing: Template, m, normal):
+    """Light of the texture of material m where the surface has a normal."""
+    return between_texels(drawing, m, normal, TEXTURE_AT, SURFACE_AXES, packed_light)

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from mpp_taichi.scene.view_spec import BodyLightSpec, LightSpec, ViewSpec
+from mpp_taichi.scene.body_view_spec import BodyLightSpec
+from mpp_taichi.scene.view_spec import LightSpec, ViewSpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.srgb import linear_from_srgb
 

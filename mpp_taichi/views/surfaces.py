@@ -1,17 +1,31 @@
 """Surfaces: textures of bodies, shining bodies and casters of shadows, as tables for the renderer. NumPy on the host."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpp_taichi.scene.view_spec import SpinSpec, ViewSpec
+from mpp_taichi.scene.body_view_spec import BodyViewSpec, SpinSpec
+from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views._primitives import FAR
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.lights import COLUMNS, Lights
-from mpp_taichi.views.surface_parts import COLORED_LIGHT, SURFACES
-from mpp_taichi.views.textures import Texture, make_texture
+from mpp_taichi.views.surface_maps import SurfaceMap, maps_of
+from mpp_taichi.views.surface_parts import (
+    BRIGHTNESS,
+    CLOUD_AXES,
+    CLOUDS,
+    COLORED_LIGHT,
+    MATERIAL_COLUMNS,
+    NIGHT,
+    OPACITY,
+    PLACE_COLUMNS,
+    RELIEF,
+    SHINES,
+    SURFACE_AXES,
+    SURFACES,
+)
 
 MOST_CASTERS = 64
 """Most spheres that cast shadows: the largest spheres; of spheres with equal radii all or none."""
@@ -22,9 +36,9 @@ class SurfaceTables:
     """The arrays that the renderer's kernel reads; lengths in camera distances, places in camera coordinates.
 
     marks     of every particle: its row in `material`, −1 for none, and its index; shape (particle_count, 2)
-    material  0…8: prime meridian, 90° east of it and north pole as directions; 9: 1 where it shines; shape (rows, 10)
-    place     of the texture: first texel, columns, rows; 0 columns where it has none; shape (rows, 3)
-    texels    of all textures, red | green << 8 | blue << 16 as displayed, rows from the north, from −180° eastward
+    material, place   columns as in surface_parts.py
+    texels    of all maps, rows from the north, from −180° eastward: red | green << 8 | blue << 16 as displayed, of clouds
+              times the opacity and | opacity << 24; slopes as in relief.py
     lights    as in lights.py
     casters   place, radius and index of the spheres that cast shadows, shape (count, 5)
     glow_count  the first lights are bodies, which glow
@@ -41,23 +55,25 @@ class SurfaceTables:
     @staticmethod
     def none() -> "SurfaceTables":
         """Tables of a view without such bodies: one row each, since no array of a kernel may be empty."""
-        floats = [np.zeros((1, columns), np.float32) for columns in (10, COLUMNS, 5)]
+        floats = [np.zeros((1, columns), np.float32) for columns in (MATERIAL_COLUMNS, COLUMNS, 5)]
         return SurfaceTables(
-            np.zeros((0, 2)), floats[0], np.zeros((1, 3), np.int32), np.zeros(1, np.uint32), floats[1], floats[2]
+            np.zeros((0, 2)), floats[0], np.zeros((1, PLACE_COLUMNS), np.int32), np.zeros(1, np.uint32), floats[1], floats[2]
         )
 
 
 class Surfaces:
-    """The bodies of a view that have a texture or shine; textures are made, or read, for the first picture."""
+    """The bodies of a view that have a surface or shine; their maps are made, or read, for the first picture."""
 
     def __init__(self, spec: ViewSpec) -> None:
-        """Find the bodies with a texture and the bodies that shine."""
-        self.bodies = {key: body for key, body in spec.bodies.items() if body.light is not None or body.texture is not None}
-        self._textures: list[tuple[Texture, list[int]] | None] | None = None  # textures, and the first texel of each level
+        """Find the bodies with a surface and the bodies that shine."""
+        self.bodies = {key: body for key, body in spec.bodies.items() if body.light is not None or _parts(body)}
+        self._maps: list[dict[int, tuple[SurfaceMap, list[int]]]] | None = None  # maps, and the first texel of each level
         self._texels = np.zeros(1, np.uint32)
         self._lights = Lights(spec)
         asked = bool(self.bodies or spec.light)
         self.parts: int = SURFACES * asked | COLORED_LIGHT * self._lights.colored
+        for body in self.bodies.values():
+            self.parts |= _parts(body)
         """The parts of shading that the pictures need; 0 where no body has a texture or shines, and no light casts shadows."""
 
     def __bool__(self) -> bool:
@@ -71,28 +87,26 @@ class Surfaces:
 
         Places `center` in camera coordinates, true radii `size` and radii as `drawn`, all in camera distances.
         """
-        if self._textures is None:
+        if self._maps is None:
             self._read(frame)
-        assert self._textures is not None
+        assert self._maps is not None
         count = len(center)
         marks = np.stack([np.full(count, -1.0), np.arange(count, dtype=float)], axis=1)
-        material = np.zeros((max(len(self.bodies), 1), 10), np.float32)
-        place = np.zeros((max(len(self.bodies), 1), 3), np.int32)
+        material = np.zeros((max(len(self.bodies), 1), MATERIAL_COLUMNS), np.float32)
+        place = np.zeros((max(len(self.bodies), 1), PLACE_COLUMNS), np.int32)
         shining = self._lights.shining(count)
         per_pixel = camera.length_per_pixel(center[:, 2] * camera.distance, rows) / camera.distance
-        entries = enumerate(zip(self.bodies.items(), self._textures, strict=True))
+        entries = enumerate(zip(self.bodies.items(), self._maps, strict=True))
         for row, (((first, group), body), found) in entries:
             marks[first : first + group, 0] = row
-            material[row, :9] = _orientation(body.spin, frame.time, camera).ravel()
-            material[row, 9] = body.light is not None
-            if found is not None:
-                texture, starts = found
-                part = slice(first, first + group)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    pixels = np.nan_to_num(drawn[part] / per_pixel[part], posinf=1e6)
-                level = texture.level_for(float(pixels.max(initial=1.0)))
-                height, width = texture.levels[level].shape[:2]
-                place[row] = starts[level], width, height
+            material[row] = _material(body, frame.time, camera)
+            part = slice(first, first + group)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                pixels = float(np.nan_to_num(drawn[part] / per_pixel[part], posinf=1e6).max(initial=1.0))
+            for at, (surface, starts) in found.items():
+                level = surface.level_for(pixels)
+                height, width = surface.levels[level].shape
+                place[row, at : at + 3] = starts[level], width, height
         there = (np.abs(center) < FAR).all(axis=1) & (size < FAR)
         lit_by = np.nonzero(there & shining)[0]
         lights = self._lights.rows(frame.color, camera, center, drawn, lit_by)
@@ -100,21 +114,43 @@ class Surfaces:
         return SurfaceTables(marks, material, place, self._texels, lights, casters, len(lit_by))
 
     def _read(self, frame: Frame) -> None:
-        self._textures, taken = [], 1
+        self._maps, taken = [], 1
         parts: list[np.ndarray] = [np.zeros(1, np.uint32)]
         for (first, _), body in self.bodies.items():
-            if body.texture is None:
-                self._textures.append(None)
-                continue
-            texture = make_texture(body.texture, tuple(float(value) for value in frame.color[first]))
-            starts = []
-            for level in texture.levels:
-                starts.append(taken)
-                texels = level.reshape(-1, 3).astype(np.uint32)
-                parts.append(texels[:, 0] | texels[:, 1] << 8 | texels[:, 2] << 16)
-                taken += len(texels)
-            self._textures.append((texture, starts))
+            self._maps.append({})
+            for at, surface in maps_of(body, tuple(float(value) for value in frame.color[first])).items():
+                starts = []
+                for level in surface.levels:
+                    starts.append(taken)
+                    parts.append(level.ravel())
+                    taken += level.size
+                self._maps[-1][at] = surface, starts
         self._texels = np.concatenate(parts, dtype=np.uint32)
+
+
+def _parts(body: BodyViewSpec) -> int:
+    """The parts of shading for the maps of a body."""
+    found = 0
+    for asked, part in ((body.texture, SURFACES), (body.night, NIGHT), (body.clouds, CLOUDS), (body.normal, RELIEF)):
+        if asked is not None:
+            found |= SURFACES | part
+    return found
+
+
+def _material(body: BodyViewSpec, time: float, camera: Camera) -> np.ndarray:
+    """The row of a body in `SurfaceTables.material`."""
+    row = np.zeros(MATERIAL_COLUMNS)
+    row[SURFACE_AXES : SURFACE_AXES + 9] = _orientation(body.spin, time, camera).ravel()
+    row[SHINES] = body.light is not None
+    if body.clouds is not None:
+        spin = body.spin
+        if body.clouds.period is not None:
+            spin = replace(spin or SpinSpec(body.clouds.period), period=body.clouds.period)
+        row[CLOUD_AXES : CLOUD_AXES + 9] = _orientation(spin, time, camera).ravel()
+        row[OPACITY] = body.clouds.opacity
+    if body.night is not None:
+        row[BRIGHTNESS] = body.night.brightness
+    return row
 
 
 def _orientation(spin: SpinSpec | None, time: float, camera: Camera) -> np.ndarray:

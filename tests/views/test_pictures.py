@@ -229,7 +229,7 @@ def test_a_torn_picture_is_refused_in_a_line(tmp_path) -> None:
         textures.read_picture(str(path))
 
 
-@pytest.mark.parametrize("name", ["banded", "continents", "cratered", "checker"])
+@pytest.mark.parametrize("name", ["banded", "continents", "coasts", "cratered", "checker"])
 def test_patterns_repeat_and_have_no_seam(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patterns, "ROWS", 96)
     color = (0.7, 0.5, 0.3)
