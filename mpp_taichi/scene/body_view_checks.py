@@ -4,7 +4,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from mpp_taichi.scene.body_view_spec import BodyViewSpec, CloudsSpec, NightSpec, NormalSpec, TextureSpec
+from mpp_taichi.scene.body_view_spec import (
+    BodyViewSpec,
+    CloudsSpec,
+    NightSpec,
+    NormalSpec,
+    RingTextureSpec,
+    TextureSpec,
+)
 
 MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or around all
 UNREADABLE = "is no picture that can be read, allowed: PNG, JPEG, WebP, TIFF and others"
@@ -33,14 +40,21 @@ def check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder, *, lit
     for key in ("texture", "night", "clouds", "normal"):
         if (surface := getattr(body, key)) is not None:
             _check_surface(surface, (*path, key), finder)
-    for key in ("night", "clouds", "normal"):
+    if body.ring is not None:
+        if not body.ring.inner < body.ring.outer:
+            finder.fault((*path, "ring", "outer"), f"must be above inner, which is {body.ring.inner:g}")
+        if body.ring.texture is not None:
+            _check_surface(body.ring.texture, (*path, "ring", "texture"), finder)
+    for key in ("night", "clouds", "normal", "ring"):
         if body.light is not None and getattr(body, key) is not None:
             finder.fault((*path, key), "is not for a body that shines")
     if body.night is not None and not lit:
         finder.fault((*path, "night"), "needs a light, without which there is no night: view.light, or light: true of a body")
 
 
-def _check_surface(surface: TextureSpec | NightSpec | CloudsSpec | NormalSpec, path: tuple[Any, ...], finder: Finder) -> None:
+def _check_surface(
+    surface: TextureSpec | NightSpec | CloudsSpec | NormalSpec | RingTextureSpec, path: tuple[Any, ...], finder: Finder
+) -> None:
     if (surface.file is None) == (surface.pattern is None):
         finder.fault(path, "must have a file or a pattern, and not both")
     check_picture(surface.file, (*path, "file"), finder)

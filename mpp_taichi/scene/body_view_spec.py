@@ -13,6 +13,7 @@ PATTERNS = ("banded", "continents", "coasts", "cratered", "checker")
 NIGHT_PATTERNS = ("cities",)
 CLOUD_PATTERNS = ("scattered",)
 NORMAL_PATTERNS = ("mountains", "craters")
+RING_PATTERNS = ("bands", "saturn")
 _CLOSED = ConfigDict(extra="forbid")
 _SEED = Whole(minimum=0, maximum=2**31)
 
@@ -110,6 +111,45 @@ class NormalSpec:
 
 
 @dataclass(frozen=True)
+class RingTextureSpec:
+    """Colour and opacity of a ring from its inner to its outer edge: a picture, or a pattern in shades of the ring's colour."""
+
+    __pydantic_config__ = _CLOSED
+    file: Annotated[
+        str | None,
+        FileBeside(),
+        Field(
+            description="a picture with transparency beside the scene, whose width goes from the inner to the outer edge; "
+            "without transparency its brightness is the opacity of the ring's colour"
+        ),
+    ] = None
+    pattern: Annotated[
+        str | None,
+        Text(RING_PATTERNS),
+        Field(description="or a pattern: bands, from the seed, or saturn, the main rings C, B and A with their gaps"),
+    ] = None
+    seed: Annotated[int, _SEED, Field(description="seed of the pattern bands")] = 0
+
+
+@dataclass(frozen=True)
+class RingSpec:
+    """A half-transparent ring in the plane of a body's equator, with shadows of bodies on it and of it on bodies."""
+
+    __pydantic_config__ = _CLOSED
+    inner: Annotated[float, Number(minimum=1.0, maximum=1e3), Field(description="inner radius, in radii of the body")]
+    outer: Annotated[float, Number(minimum=1.0, maximum=1e3), Field(description="outer radius, in radii of the body")]
+    color: Annotated[
+        tuple[float, float, float] | None, Color(), Field(description="red, green, blue in 0…1; absent: the body's colour")
+    ] = None
+    texture: Annotated[RingTextureSpec | None, Field(description="bands; absent: a uniform ring")] = None
+    opacity: Annotated[
+        float | None,
+        Number(minimum=0.0, maximum=1.0),
+        Field(description="opacity seen from the pole, with a texture a factor of its opacity; absent: 0.7, with a texture 1"),
+    ] = None
+
+
+@dataclass(frozen=True)
 class BodyLightSpec:
     """The light of a body on other bodies."""
 
@@ -148,4 +188,5 @@ class BodyViewSpec:
     night: Annotated[NightSpec | None, Field(description="lights of the dark side")] = None
     clouds: Annotated[CloudsSpec | None, Field(description="clouds over the surface")] = None
     normal: Annotated[NormalSpec | None, Field(description="slopes of the surface: a normal map or a height map")] = None
+    ring: Annotated[RingSpec | None, Field(description="ring in the plane of the equator")] = None
     spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None

@@ -11,6 +11,8 @@ from mpp_taichi.scene.body_view_spec import (
     CloudsSpec,
     NightSpec,
     NormalSpec,
+    RingSpec,
+    RingTextureSpec,
     SpinSpec,
     TextureSpec,
 )
@@ -291,6 +293,8 @@ VIEW_SPECS: dict[str, type] = {
     "view.bodies.NAME.night": NightSpec,
     "view.bodies.NAME.clouds": CloudsSpec,
     "view.bodies.NAME.normal": NormalSpec,
+    "view.bodies.NAME.ring": RingSpec,
+    "view.bodies.NAME.ring.texture": RingTextureSpec,
     "view.bodies.NAME.spin": SpinSpec,
     "view.light": LightSpec,
     "view.sky": SkySpec,

@@ -13,9 +13,9 @@ class Drawing(NamedTuple):
     curve           how light is displayed (`_display.py`)
     light           direction that light comes from where no body shines
     surfaces        the parts of shading (`surface_parts.py`), at compile time; the rows below are used only where it is not 0
-    material, place, texels, lights, casters, glow_count   as in `SurfaceTables`
+    material, place, texels, lights, casters, rings, glow_count   as in `SurfaceTables`
     levels          light of the 256 values of a texel
-    light_count, caster_count   rows of `lights` and `casters`
+    light_count, caster_count, ring_count   rows of `lights`, `casters` and `rings`
     ambient         light from all directions
     """
 
@@ -40,4 +40,6 @@ class Drawing(NamedTuple):
     glow_count: Any
     casters: Any
     caster_count: Any
+    rings: Any
+    ring_count: Any
     ambient: Any

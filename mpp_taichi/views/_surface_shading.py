@@ -7,6 +7,7 @@ precision of the simulation.
 import taichi as ti
 
 from mpp_taichi.types import Template
+from mpp_taichi.views._rings import share_through_rings
 from mpp_taichi.views._shadows import seen_share
 from mpp_taichi.views._single import direction, single
 from mpp_taichi.views._surface_maps import clouds_over, night_light, share_of_night, sloping_light, sloping_normal
@@ -19,6 +20,7 @@ from mpp_taichi.views.surface_parts import (
     NIGHT_AT,
     RELIEF,
     RELIEF_AT,
+    RINGS,
     SHINES,
     TEXTURE_AT,
 )
@@ -114,6 +116,8 @@ def shade_surface(drawing: Template, p, x, y, depth):
                     light += specular * highlight(ground, ray, to_light)
                 if ti.static(drawing.surfaces & COLORED_LIGHT):
                     light *= ti.Vector([lights[k, 7], lights[k, 8], lights[k, 9]])
+                if ti.static(drawing.surfaces & RINGS):
+                    light *= share_through_rings(drawing, point, to_light, distance, lights[k, 3])
                 color += light * seen_share(drawing, point, to_light, distance, lights[k, 3], drawing.table[p, 13])
         if ti.static(drawing.surfaces & NIGHT):
             if m >= 0 and dark > 0:

@@ -18,6 +18,9 @@ CLOUDS = 8
 RELIEF = 16
 """A body has slopes."""
 
+RINGS = 32
+"""A body has a ring."""
+
 TEXTURE_AT, NIGHT_AT, CLOUDS_AT, RELIEF_AT = 0, 3, 6, 9
 """Columns of `place` from which each map has its first texel, columns and rows; without columns it is absent."""
 PLACE_COLUMNS = 12
@@ -27,3 +30,8 @@ SURFACE_AXES, CLOUD_AXES = 0, 10
 SHINES, OPACITY, BRIGHTNESS = 9, 19, 20
 """Columns of `material`: 1 where the body shines; factors of the opacity of clouds and of the light of the night."""
 MATERIAL_COLUMNS = 21
+
+RING_COLUMNS = 9
+"""0…2: middle of a ring, 3…5: north pole as a direction, 6: inner radius, 7: width, 8: its first texel."""
+RING_TEXELS = 1024
+"""From the inner to the outer edge; behind them half as many, a quarter, … down to one: their means."""

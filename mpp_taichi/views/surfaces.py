@@ -1,6 +1,5 @@
 """Surfaces: textures of bodies, shining bodies and casters of shadows, as tables for the renderer. NumPy on the host."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +10,8 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views._primitives import FAR
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.lights import COLUMNS, Lights
+from mpp_taichi.views.rings import Rings
+from mpp_taichi.views.spins import orientation
 from mpp_taichi.views.surface_maps import SurfaceMap, maps_of
 from mpp_taichi.views.surface_parts import (
     BRIGHTNESS,
@@ -22,6 +23,8 @@ from mpp_taichi.views.surface_parts import (
     OPACITY,
     PLACE_COLUMNS,
     RELIEF,
+    RING_COLUMNS,
+    RINGS,
     SHINES,
     SURFACE_AXES,
     SURFACES,
@@ -41,6 +44,7 @@ class SurfaceTables:
               times the opacity and | opacity << 24; slopes as in relief.py
     lights    as in lights.py
     casters   place, radius and index of the spheres that cast shadows, shape (count, 5)
+    rings     columns as in surface_parts.py, the farthest ring first, shape (count, RING_COLUMNS)
     glow_count  the first lights are bodies, which glow
     """
 
@@ -50,15 +54,15 @@ class SurfaceTables:
     texels: np.ndarray
     lights: np.ndarray
     casters: np.ndarray
+    rings: np.ndarray
     glow_count: int = 0
 
     @staticmethod
     def none() -> "SurfaceTables":
         """Tables of a view without such bodies: one row each, since no array of a kernel may be empty."""
-        floats = [np.zeros((1, columns), np.float32) for columns in (MATERIAL_COLUMNS, COLUMNS, 5)]
-        return SurfaceTables(
-            np.zeros((0, 2)), floats[0], np.zeros((1, PLACE_COLUMNS), np.int32), np.zeros(1, np.uint32), floats[1], floats[2]
-        )
+        floats = [np.zeros((1, columns), np.float32) for columns in (MATERIAL_COLUMNS, COLUMNS, 5, RING_COLUMNS)]
+        place, texels = np.zeros((1, PLACE_COLUMNS), np.int32), np.zeros(1, np.uint32)
+        return SurfaceTables(np.zeros((0, 2)), floats[0], place, texels, floats[1], floats[2], floats[3][:0])
 
 
 class Surfaces:
@@ -69,7 +73,7 @@ class Surfaces:
         self.bodies = {key: body for key, body in spec.bodies.items() if body.light is not None or _parts(body)}
         self._maps: list[dict[int, tuple[SurfaceMap, list[int]]]] | None = None  # maps, and the first texel of each level
         self._texels = np.zeros(1, np.uint32)
-        self._lights = Lights(spec)
+        self._lights, self._rings = Lights(spec), Rings(spec)
         asked = bool(self.bodies or spec.light)
         self.parts: int = SURFACES * asked | COLORED_LIGHT * self._lights.colored
         for body in self.bodies.values():
@@ -111,11 +115,13 @@ class Surfaces:
         lit_by = np.nonzero(there & shining)[0]
         lights = self._lights.rows(frame.color, camera, center, drawn, lit_by)
         casters = _casters(center, size, there & ~shining & (size > 0.0))
-        return SurfaceTables(marks, material, place, self._texels, lights, casters, len(lit_by))
+        rings = self._rings.rows(frame.time, camera, center, drawn)
+        return SurfaceTables(marks, material, place, self._texels, lights, casters, rings, len(lit_by))
 
     def _read(self, frame: Frame) -> None:
-        self._maps, taken = [], 1
-        parts: list[np.ndarray] = [np.zeros(1, np.uint32)]
+        profiles = self._rings.read(frame.color)  # at the beginning, where single precision counts them exactly
+        self._maps, taken = [], len(profiles)
+        parts: list[np.ndarray] = [profiles]
         for (first, _), body in self.bodies.items():
             self._maps.append({})
             for at, surface in maps_of(body, tuple(float(value) for value in frame.color[first])).items():
@@ -131,7 +137,8 @@ class Surfaces:
 def _parts(body: BodyViewSpec) -> int:
     """The parts of shading for the maps of a body."""
     found = 0
-    for asked, part in ((body.texture, SURFACES), (body.night, NIGHT), (body.clouds, CLOUDS), (body.normal, RELIEF)):
+    parts = (SURFACES, NIGHT, CLOUDS, RELIEF, RINGS)
+    for asked, part in zip((body.texture, body.night, body.clouds, body.normal, body.ring), parts, strict=True):
         if asked is not None:
             found |= SURFACES | part
     return found
@@ -140,35 +147,17 @@ def _parts(body: BodyViewSpec) -> int:
 def _material(body: BodyViewSpec, time: float, camera: Camera) -> np.ndarray:
     """The row of a body in `SurfaceTables.material`."""
     row = np.zeros(MATERIAL_COLUMNS)
-    row[SURFACE_AXES : SURFACE_AXES + 9] = _orientation(body.spin, time, camera).ravel()
+    row[SURFACE_AXES : SURFACE_AXES + 9] = orientation(body.spin, time, camera).ravel()
     row[SHINES] = body.light is not None
     if body.clouds is not None:
         spin = body.spin
         if body.clouds.period is not None:
             spin = replace(spin or SpinSpec(body.clouds.period), period=body.clouds.period)
-        row[CLOUD_AXES : CLOUD_AXES + 9] = _orientation(spin, time, camera).ravel()
+        row[CLOUD_AXES : CLOUD_AXES + 9] = orientation(spin, time, camera).ravel()
         row[OPACITY] = body.clouds.opacity
     if body.night is not None:
         row[BRIGHTNESS] = body.night.brightness
     return row
-
-
-def _orientation(spin: SpinSpec | None, time: float, camera: Camera) -> np.ndarray:
-    """Directions of the prime meridian, of 90° east and of the north pole in camera coordinates, shape (3, 3).
-
-    The prime meridian is turned by W = phase + 2π t / period from where the equator rises through the x–y plane, as the
-    International Astronomical Union counts rotations  [Archinal et al. 2018, Celest. Mech. Dyn. Astron. 130, 22].
-    """
-    axis = np.array(spin.axis if spin is not None else (0.0, 0.0, 1.0), dtype=float)
-    axis /= np.linalg.norm(axis)
-    node = np.array([-axis[1], axis[0], 0.0])
-    length = float(np.linalg.norm(node))
-    node = node / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
-    angle = spin.phase + 2.0 * math.pi * math.fmod(time / spin.period, 1.0) if spin is not None else 0.0
-    east = np.cross(axis, node)
-    meridian = math.cos(angle) * node + math.sin(angle) * east
-    frame = np.stack([meridian, np.cross(axis, meridian), axis])
-    return np.asarray(frame @ np.stack([camera.right, camera.up, -camera.backward], axis=1))
 
 
 def _casters(center: np.ndarray, size: np.ndarray, chosen: np.ndarray) -> np.ndarray:
