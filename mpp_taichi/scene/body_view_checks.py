@@ -33,6 +33,8 @@ def check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder, *, lit
         finder.fault((*path, "distance_scale"), "must say around: which body it is measured from")
     if body.spin is not None and body.spin.period == 0.0:
         finder.fault((*path, "spin", "period"), "must not be 0")
+    if body.spin is not None and body.spin.precession == 0.0:
+        finder.fault((*path, "spin", "precession"), "must not be 0")
     if body.spin is not None and not any(body.spin.axis):
         finder.fault((*path, "spin", "axis"), "must not be [0, 0, 0]")
     if body.clouds is not None and body.clouds.period == 0.0:

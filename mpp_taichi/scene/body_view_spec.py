@@ -34,6 +34,14 @@ class SpinSpec:
             description="angle at time 0 from the rising of the equator through the x–y plane to the prime meridian, radians"
         ),
     ] = 0.0
+    precession: Annotated[
+        float | None,
+        Number(),
+        Field(
+            description="period in which the axis turns about the z axis, the normal of the reference plane; below 0 for the "
+            "opposite direction; absent: the axis rests [time]"
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)
