@@ -45,6 +45,14 @@ def ring_at(drawing: Template, k, offset, blur):
 
 
 @ti.func
+def meets_ring(drawing: Template, k, offset, blur):
+    """Whether ring k may have a texel at an offset from its middle: a texel reaches farther than the edges by half its size."""
+    rings = ti.static(drawing.rings)
+    radius, margin = ti.sqrt(offset.dot(offset)), blur + rings[k, 7] * single(1.0 / RING_TEXELS)
+    return radius > rings[k, 6] - margin and radius < rings[k, 6] + rings[k, 7] + margin
+
+
+@ti.func
 def ring_vectors(drawing: Template, k):
     """Middle and axis of ring k."""
     rings = ti.static(drawing.rings)
@@ -71,8 +79,9 @@ def share_through_rings(drawing: Template, point, to_light, distance, light_radi
                 offset = point + along * to_light - middle
                 gradient = radial_gradient(offset, axis, to_light)
                 blur = 2 * along * light_radius / distance * ti.sqrt(gradient.dot(gradient))
-                _, depth = ring_at(drawing, k, offset, blur)
-                share *= ti.exp(-depth / ti.abs(cosine))
+                if meets_ring(drawing, k, offset, blur):
+                    _, depth = ring_at(drawing, k, offset, blur)
+                    share *= ti.exp(-depth / ti.abs(cosine))
     return share
 
 
@@ -131,8 +140,8 @@ def through_rings(drawing: Template, x, y, depth, behind):
                 if drawing.orthographic == 0:
                     pixel *= along
                 blur = pixel * ti.sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1])
-                color, thickness = ring_at(drawing, k, point - middle, blur)
-                if thickness > 0:
+                if meets_ring(drawing, k, point - middle, blur):
+                    color, thickness = ring_at(drawing, k, point - middle, blur)
                     passes = ti.exp(-thickness / ti.max(ti.abs(axis.dot(direction(ray))), single(FLATTEST)))
                     light = light * passes + ti.min(ring_light(drawing, point, axis, ray, color, thickness), single(1.0))
     return light

@@ -183,7 +183,8 @@ def test_patterns_of_rings_have_bands_and_gaps() -> None:
 def test_no_part_of_a_ring_is_missed_by_the_tiles(cpu, monkeypatch: pytest.MonkeyPatch) -> None:
     cameras = [
         CameraSpec(position=(0, -6, 2), look_at=(1.5, 0, 0), up=(0, 0, 1)),
-        CameraSpec(position=(0, -2.5, 0.3), look_at=(0, 0, 0), up=(0, 0, 1)),  # within the outer radius
+        CameraSpec(position=(0, -2.5, 0.3), look_at=(2.5, -1.0, 0), up=(0, 0, 1)),  # within the outer radius
+        replace(PARALLEL, height=6.1),  # the ring touches the edges of the picture
     ]
     light = (LightSpec(direction=(-1, -1, 1), brightness=COLORED),)
     drawn = [_light(RING, camera=camera, light=light) for camera in cameras]
