@@ -45,12 +45,13 @@ def execute(arguments: argparse.Namespace) -> int:
     if suffix in SCENES:
         if imported is None:
             raise UsageError(f"convert: {arguments.source} is no other program's file; only such a file becomes a scene")
+        from mpp_taichi.importers._pictures import beside
         from mpp_taichi.scene.document import read_text
         from mpp_taichi.scene.faults import Faults
         from mpp_taichi.scene.write import scene_text
         from mpp_taichi.scene.yaml_limits import decode
 
-        text = scene_text(imported, f"From {arguments.source.name}.")
+        text = scene_text(beside(imported, arguments.source, target), f"From {arguments.source.name}.")
         read_text(decode(text.encode(), str(target)), str(target), Faults())  # refuses what could not be read back
         with whole_file(target, "the scene") as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -84,7 +85,7 @@ def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "
     from mpp_taichi.importers.catalogue import import_particles, import_scene
     from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory
     from mpp_taichi.scene.bundled import scene_file
-    from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.scene.load import load_resolved, load_scene
     from mpp_taichi.snapshot import Snapshot
     from mpp_taichi.start.assemble import assemble
 
@@ -98,5 +99,5 @@ def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "
     if particles_only and suffix not in SCENES and (state := import_particles(path)) is not None:
         return None, Source(str(path), state)
     imported = None if suffix in SCENES else import_scene(path)[1]
-    spec = load_scene(path if imported is None else imported)
+    spec = load_scene(path) if imported is None else load_resolved(imported, str(path))
     return imported, Source(str(path), assemble(spec), spec)

@@ -6,6 +6,7 @@ from typing import Any
 from xml.parsers import expat
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.importers._pictures import Pictures
 from mpp_taichi.importers._words import Word
 from mpp_taichi.scene.location import Location
 from mpp_taichi.wording.told_apart import told_apart
@@ -16,6 +17,8 @@ G = 6.67408e-11  # the value of that program [m³ / (kg s²)]
 STEP = 60.0  # of a file without a time step [s]
 DAY = 86400.0
 YEAR = 365.25 * DAY
+MAPS = {"skin": "texture", "shadowSkin": "night", "transparentSkin": "clouds", "normalSkin": "normal", "specularSkin": ""}
+"""Attributes that name pictures, and the keys of a body's appearance for them."""
 
 
 def recognises(text: str) -> bool:
@@ -24,11 +27,11 @@ def recognises(text: str) -> bool:
 
 
 def read(text: str, source: str) -> dict[str, Any]:
-    """The scene: gravity, by velocity Verlet; scales, spins and the light are for `view:`, textures are left out.
+    """The scene: gravity, by velocity Verlet; scales, spins, the light, and pictures beside the file are for `view:`.
 
-    A position or velocity that is not given is 0, a colour 255. A moon is drawn around the last body before it that is no moon.
-    Axes are tilted towards +y, as the Earth's axis is where x is the direction of the equinox. SceneError with line and column
-    where the text is no such file.
+    Pictures that are missing or have no counterpart are left out, and a line tells which. A position or velocity that is not
+    given is 0, a colour 255. A moon is drawn around the last body before it that is no moon. Axes are tilted towards +y, as the
+    Earth's axis is where x is the direction of the equinox. SceneError with line and column where the text is no such file.
     """
     reader = _SystemReader(source)
     try:
@@ -37,6 +40,7 @@ def read(text: str, source: str) -> dict[str, Any]:
         raise SceneError(f"{source}:{error.lineno}:{error.offset + 1}: {expat.ErrorString(error.code)}") from None
     if not reader.bodies:
         raise SceneError(f"{source}: has no <Body>")
+    reader.pictures.tell()
     far = max(math.hypot(*body["position"]) for body in reader.bodies) or 1.0
     return {
         "title": PurePath(source).stem,
@@ -59,6 +63,7 @@ class _SystemReader:
         self.bodies: list[dict[str, Any]] = []
         self.names: set[str] = set()
         self.drawn: dict[str, dict[str, Any]] = {}
+        self.pictures = Pictures(source)
         self.planet = ""  # the last body that is no moon
         self.dt = STEP
         self.depth = 0
@@ -139,10 +144,31 @@ class _SystemReader:
         if period := self._number(given, "RotationPeriod", 0.0):
             tilt = math.radians(self._number(given, "Tilt", 0.0))
             drawn["spin"] = {"period": DAY * period, "axis": [0.0, math.sin(tilt), math.cos(tilt)]}
+        elif self._number(given, "Tilt", 0.0):
+            self.pictures.leave_out(f"Tilt of {name}", "the body has no RotationPeriod")
+        drawn |= self._surface(name, given, shines="light" in drawn)
         if not moon:
             self.planet = name
         if drawn:
             self.drawn[name] = drawn
+
+    def _surface(self, name: str, given: dict[str, str], *, shines: bool) -> dict[str, Any]:
+        """The maps of a body whose pictures are there."""
+        found: dict[str, Any] = {}
+        for attribute, key in MAPS.items():
+            if not given.get(attribute):
+                continue
+            what = f"{attribute} of {name}"
+            if not key:
+                self.pictures.leave_out(what, "a scene has no such map")
+            elif shines and key != "texture":
+                self.pictures.leave_out(what, "a body that shines has a texture only")
+            elif (file := self.pictures.find(given[attribute], what)) is not None:
+                found[key] = {"file": file}
+        strength = self._number(given, "bumpParam", 1.0)
+        if "normal" in found and strength != 1.0:
+            found["normal"]["strength"] = strength
+        return found
 
 
 def _says_yes(given: dict[str, str], key: str) -> bool:

@@ -2,43 +2,34 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any, Protocol
+from typing import Any
 
+from mpp_taichi.scene.body_view_checks import Finder, check_body, check_picture
+from mpp_taichi.scene.body_view_spec import BodyViewSpec
 from mpp_taichi.scene.did_you_mean import allowed
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.scene.view_spec import ArrowsSpec, BodyViewSpec, GroupColorsSpec, ViewSpec
-
-MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or around all
-
-
-class Finder(Protocol):
-    """Finds the particles that a scene names; a missing particle becomes a fault."""
-
-    def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
-        """First index and count of a group, or of one particle."""
-
-    def fault(self, path: tuple[Any, ...], message: str) -> None:
-        """Add a fault at a path of the scene."""
+from mpp_taichi.scene.view_spec import ArrowsSpec, GroupColorsSpec, ViewSpec
 
 
 def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> ViewSpec:
     """The view with every name an index."""
     bodies: dict[Any, BodyViewSpec] = {}
+    lit = bool(view.light) or any(body.light is not None for body in view.bodies.values())
     for name, body in view.bodies.items():
         path = ("view", "bodies", name)
         key = finder.group(name, path)
         primary = finder.group(body.around, (*path, "around")) if body.around is not None else None
-        _check_body(body, path, finder)
+        check_body(body, path, finder, lit=lit)
         if key is None:
             continue
         if key in bodies:
             finder.fault(path, "is drawn by another entry already")
         bodies[key] = replace(body, around=primary[0] if primary is not None else None)
     if view.sky is not None:
-        _check_picture(view.sky.file, ("view", "sky", "file"), finder)
+        check_picture(view.sky.file, ("view", "sky", "file"), finder)
     if _circle(bodies):
         finder.fault(("view", "bodies"), "bodies are drawn around one another in a circle, must end at a body around none")
     changed: dict[str, Any] = {"bodies": bodies}
@@ -48,6 +39,9 @@ def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> View
     changed["arrows"] = tuple(
         _arrows_of(arrows, ("view", "arrows", number), finder) for number, arrows in enumerate(view.arrows)
     )
+    for number, light in enumerate(view.light):
+        if not any(light.direction):
+            finder.fault(("view", "light", number, "direction"), "must not be [0, 0, 0]")
     changed["labels"] = _labels(view.labels, layout, finder)
     return replace(view, **changed)
 
@@ -73,35 +67,6 @@ def _arrows_of(arrows: ArrowsSpec, path: tuple[Any, ...], finder: Finder) -> Arr
         return arrows
     found = [finder.group(each, (*path, "of", number)) for number, each in enumerate(arrows.of)]
     return replace(arrows, of=tuple(each for each in found if each is not None))
-
-
-def _check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder) -> None:
-    if body.distance_scale != 1.0 and body.around is None:
-        finder.fault((*path, "distance_scale"), "must say around: which body it is measured from")
-    if body.spin is not None and body.spin.period == 0.0:
-        finder.fault((*path, "spin", "period"), "must not be 0")
-    if body.spin is not None and not any(body.spin.axis):
-        finder.fault((*path, "spin", "axis"), "must not be [0, 0, 0]")
-    if body.texture is not None and (body.texture.file is None) == (body.texture.pattern is None):
-        finder.fault((*path, "texture"), "must have a file or a pattern, and not both")
-    if body.texture is not None:
-        _check_picture(body.texture.file, (*path, "texture", "file"), finder)
-
-
-def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> None:
-    """Read the beginning of a file; damage farther on is found when the picture is drawn."""
-    if file is None:
-        return
-    from PIL import Image  # only for scenes that bring pictures
-
-    try:
-        with Image.open(file) as picture:
-            pixels = picture.size[0] * picture.size[1]
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        finder.fault(path, "is no picture that can be read, allowed: PNG, JPEG, WebP, TIFF and others")
-        return
-    if pixels > MOST_PIXELS:
-        finder.fault(path, f"is a picture of {pixels:,} pixels, allowed: up to {MOST_PIXELS:,}")
 
 
 def _groups(colors: GroupColorsSpec, layout: ParticleLayout, finder: Finder) -> tuple[tuple[str, int, int], ...]:
@@ -136,8 +101,6 @@ def check_view(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     for key in ("color_by", "spring_color_by"):
         if (chosen := getattr(view, key)) is not None:
             _check_colors(chosen, key, node.value[key], faults)
-    if view.light is not None and not any(view.light.direction):
-        faults.add(node.value["light"].location, "view.light.direction", "must not be [0, 0, 0]")
     if view.sky is not None and view.sky.stars and view.sky.file:
         faults.add(node.value["sky"].location, "view.sky", "has stars and a file, must have one of them")
 

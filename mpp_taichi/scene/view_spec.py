@@ -5,13 +5,23 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from mpp_taichi.scene.body_view_spec import (
+    BodyLightSpec,
+    BodyViewSpec,
+    CloudsSpec,
+    NightSpec,
+    NormalSpec,
+    RingSpec,
+    RingTextureSpec,
+    SpinSpec,
+    TextureSpec,
+)
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
 from mpp_taichi.scene.flag_or import FlagOr
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
 ARROW_QUANTITIES = ("velocity", "acceleration", "force")
-PATTERNS = ("banded", "continents", "cratered", "checker")
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = Color()
 _MOST_GROUPS = 64
@@ -21,6 +31,11 @@ _MOST_LABELS = 1000
 def _nothing_is_empty(value: Any) -> Any:
     """`speed:` with nothing after it asks for the speed with all defaults."""
     return {} if value is None else value
+
+
+def _nothing_is_none(value: Any) -> Any:
+    """`light:` with nothing after it asks for no light."""
+    return [] if value is None else value
 
 
 _ASKED = BeforeValidator(_nothing_is_empty)
@@ -46,58 +61,6 @@ class CameraSpec:
 
 
 @dataclass(frozen=True)
-class SpinSpec:
-    """The rotation of a body's surface: by phase + 2π t / period about its axis."""
-
-    __pydantic_config__ = _CLOSED
-    period: Annotated[
-        float, Number(), Field(description="period of a turn about the axis; below 0 for the opposite direction [time]")
-    ]
-    axis: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="direction of the north pole")] = (0, 0, 1)
-    phase: Annotated[
-        float,
-        Number(),
-        Field(
-            description="angle at time 0 from the rising of the equator through the x–y plane to the prime meridian, radians"
-        ),
-    ] = 0.0
-
-
-@dataclass(frozen=True)
-class TextureSpec:
-    """The surface of a body: a picture of it, or a pattern made from a seed and the body's colour."""
-
-    __pydantic_config__ = _CLOSED
-    file: Annotated[
-        str | None, FileBeside(), Field(description="a picture beside the scene; longitude along its width, north on top")
-    ] = None
-    pattern: Annotated[str | None, Text(PATTERNS), Field(description="or a pattern: " + ", ".join(PATTERNS))] = None
-    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="seed of the pattern")] = 0
-
-
-@dataclass(frozen=True)
-class BodyViewSpec:
-    """The appearance of a body or a group; display only, no motion changes.
-
-    `around` is an index once the scene is loaded.
-    """
-
-    __pydantic_config__ = _CLOSED
-    radius_scale: Annotated[float, Number(above=0.0), Field(description="factor by which the radius is drawn larger")] = 1.0
-    around: Annotated[Any, Reference(), Field(description="the body from which distance_scale is measured")] = None
-    distance_scale: Annotated[
-        float,
-        Number(above=0.0),
-        Field(description="factor by which the distance from the body `around` is drawn larger, for moons"),
-    ] = 1.0
-    light: Annotated[bool, Flag(), Field(description="the body shines and lights other bodies, which then cast shadows")] = (
-        False
-    )
-    texture: Annotated[TextureSpec | None, Field(description="surface of the body")] = None
-    spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None
-
-
-@dataclass(frozen=True)
 class LightSpec:
     """Light from afar, in which spheres cast shadows on one another."""
 
@@ -110,6 +73,8 @@ class LightSpec:
         Number(above=0.0, maximum=20.0),
         Field(description="angular radius of the source, degrees; a larger source makes softer shadows"),
     ] = 0.27
+    color: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (1.0, 1.0, 1.0)
+    brightness: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="factor of the light")] = 1.0
 
 
 @dataclass(frozen=True)
@@ -271,11 +236,14 @@ class ViewSpec:
         default_factory=dict
     )  # by (first index, count) once the scene is loaded
     light: Annotated[
-        LightSpec | None,
+        tuple[LightSpec, ...],
+        OneOrMore(),
+        BeforeValidator(_nothing_is_none),
         Field(
-            description="distant light, with shadows; absent, and no body a light: light from the upper left, without shadows"
+            description="distant light, with shadows, or a list of several; absent, and no body a light: light from the upper "
+            "left, without shadows"
         ),
-    ] = None
+    ] = ()
     sky: Annotated[
         SkySpec | None, Field(description="stars or a picture behind the scene; only in the program's own renderer")
     ] = None
@@ -320,7 +288,13 @@ VIEW_SPECS: dict[str, type] = {
     "view": ViewSpec,
     "view.camera": CameraSpec,
     "view.bodies.NAME": BodyViewSpec,
+    "view.bodies.NAME.light": BodyLightSpec,
     "view.bodies.NAME.texture": TextureSpec,
+    "view.bodies.NAME.night": NightSpec,
+    "view.bodies.NAME.clouds": CloudsSpec,
+    "view.bodies.NAME.normal": NormalSpec,
+    "view.bodies.NAME.ring": RingSpec,
+    "view.bodies.NAME.ring.texture": RingTextureSpec,
     "view.bodies.NAME.spin": SpinSpec,
     "view.light": LightSpec,
     "view.sky": SkySpec,

@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.types import Template
-from mpp_taichi.views._surface_shading import single
+from mpp_taichi.views._single import single
 from mpp_taichi.views.srgb import srgb_from_linear
 
 ENTRIES = 4096

@@ -12,10 +12,10 @@ class Drawing(NamedTuple):
     picture         at first the background
     curve           how light is displayed (`_display.py`)
     light           direction that light comes from where no body shines
-    surfaces        whether a body has a texture, shines or casts a shadow, at compile time; the rows below are used only then
-    material, place, texels, lights, casters, glow_count   as in `SurfaceTables`
+    surfaces        the parts of shading (`surface_parts.py`), at compile time; the rows below are used only where it is not 0
+    material, place, texels, lights, casters, rings, glow_count   as in `SurfaceTables`
     levels          light of the 256 values of a texel
-    light_count, caster_count   rows of `lights` and `casters`
+    light_count, caster_count, ring_count   rows of `lights`, `casters` and `rings`
     ambient         light from all directions
     """
 
@@ -40,4 +40,6 @@ class Drawing(NamedTuple):
     glow_count: Any
     casters: Any
     caster_count: Any
+    rings: Any
+    ring_count: Any
     ambient: Any

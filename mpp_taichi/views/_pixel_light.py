@@ -3,8 +3,11 @@
 import taichi as ti
 
 from mpp_taichi.types import Template
+from mpp_taichi.views._rings import through_rings
 from mpp_taichi.views._sample_hits import NOWHERE, rays, sample_places, sphere_hit
-from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface, single
+from mpp_taichi.views._single import single
+from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface
+from mpp_taichi.views.surface_parts import RINGS
 
 
 @ti.func
@@ -13,7 +16,7 @@ def pixel_light(drawing: Template, row, column, depth, hit, behind):
     x, y = sample_places(column, row)
     right, up = rays(drawing, x, y)
     changed, total = 1, ti.Vector([single(0)] * 3)
-    if hit.max() < 0:
+    if hit.max() < 0 and ti.static(not drawing.surfaces & RINGS):
         changed = 0
         if ti.static(drawing.surfaces):  # one sample is enough where there are no edges
             halo = glow(drawing, right[0], up[0], single(NOWHERE))
@@ -39,8 +42,13 @@ def pixel_light(drawing: Template, row, column, depth, hit, behind):
                 if middle < single(NOWHERE):  # rounding may move the mean position off the rim
                     seen_depth = middle
             light = ray_light(drawing, p, middle_x, middle_y, seen_depth, behind)
+            if ti.static(drawing.surfaces & RINGS):
+                light = through_rings(drawing, middle_x, middle_y, seen_depth, ti.min(light, single(1)))
             light += glow(drawing, middle_x, middle_y, seen_depth)
             total += single(0.25) * shared * ti.min(light, single(1))
+        if ti.static(drawing.surfaces & RINGS):
+            if hit.max() < 0 and ti.abs(total - behind).max() == 0:
+                changed = 0
     else:
         for s in ti.static(range(4)):
             light = ray_light(drawing, hit[s], right[s], up[s], depth[s], behind)

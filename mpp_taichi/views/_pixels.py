@@ -10,7 +10,9 @@ from mpp_taichi.views._drawing import Drawing
 from mpp_taichi.views._pixel_light import pixel_light
 from mpp_taichi.views._primitives import TILE
 from mpp_taichi.views._sample_hits import NOWHERE
-from mpp_taichi.views._surface_shading import packed_light, single
+from mpp_taichi.views._single import single
+from mpp_taichi.views._texels import packed_light
+from mpp_taichi.views.surface_parts import RINGS
 
 
 @ti.kernel
@@ -39,6 +41,8 @@ def draw_pixels(
     glow_count: ti.i32,
     casters: ti.types.ndarray(ti.f32, ndim=2),
     caster_count: ti.i32,
+    rings: ti.types.ndarray(ti.f32, ndim=2),
+    ring_count: ti.i32,
     ambient: ti.f32,
 ):
     """Draw the primitives of these tiles over the background.
@@ -69,6 +73,8 @@ def draw_pixels(
             glow_count,
             casters,
             caster_count,
+            rings,
+            ring_count,
             ambient,
         )
     )
@@ -105,13 +111,16 @@ def draw_run(drawing: Template, by_row: Template, tile, row, left):
     run, cover = ti.static((TILE, cover_row) if by_row else (1, cover_pixel))
     depths, hits = ti.Vector([single(NOWHERE)] * (4 * run)), ti.Vector([-1] * (4 * run))
     some, end = cover(drawing, tile, row, left, depths, hits), left
-    if some > 0 or drawing.glow_count > 0:
+    everywhere = drawing.glow_count > 0
+    if ti.static(drawing.surfaces & RINGS):
+        everywhere = everywhere or drawing.ring_count > 0
+    if some > 0 or everywhere:
         end = ti.min(left + run, drawing.width)
     for column in range(left, end):
         first = 4 * (column - left)
         depth = ti.Vector([depths[first + s] for s in ti.static(range(4))])
         hit = ti.Vector([hits[first + s] for s in ti.static(range(4))])
-        if hit.max() >= 0 or drawing.glow_count > 0:
+        if hit.max() >= 0 or everywhere:
             share = single(0.5)
             if ti.static(drawing.surfaces):
                 share = dither(row, column)

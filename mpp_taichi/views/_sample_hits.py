@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.types import Template
-from mpp_taichi.views._surface_shading import single
+from mpp_taichi.views._single import single
 
 NOWHERE = 3.0e38  # depth of a ray that meets no primitive
 SAMPLES = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))  # rotated grid, in pixels from the middle

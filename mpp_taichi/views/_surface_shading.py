@@ -1,14 +1,29 @@
-"""Shading of surfaces on the device: textures, light from bodies that shine, and the shadows of spheres on spheres.
+"""Shading of surfaces on the device: light from bodies that shine and from afar.
 
 Only pictures with textures, shining bodies or shadows compile this code. All numbers are in single precision, whatever the
 precision of the simulation.
 """
 
-import math
-
 import taichi as ti
 
 from mpp_taichi.types import Template
+from mpp_taichi.views._rings import share_through_rings
+from mpp_taichi.views._shadows import seen_share
+from mpp_taichi.views._single import direction, single
+from mpp_taichi.views._surface_maps import clouds_over, night_light, share_of_night, sloping_light, sloping_normal
+from mpp_taichi.views._texels import texture_light
+from mpp_taichi.views.surface_parts import (
+    CLOUDS,
+    CLOUDS_AT,
+    COLORED_LIGHT,
+    NIGHT,
+    NIGHT_AT,
+    RELIEF,
+    RELIEF_AT,
+    RINGS,
+    SHINES,
+    TEXTURE_AT,
+)
 
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
 HOT = 0.45  # share of white in the middle of a shining body
@@ -18,94 +33,12 @@ AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # in scenes without a shining bod
 
 
 @ti.func
-def single(number):
-    """A literal in single precision; Taichi gives literals the precision of the simulation."""
-    return ti.cast(number, ti.f32)
-
-
-@ti.func
-def direction(vector):
-    """The vector at length one; not normalized(), whose default argument is in the simulation's precision."""
-    return vector * (single(1) / ti.sqrt(vector.dot(vector)))
-
-
-@ti.func
 def highlight(normal, ray, light):
     """Blinn's highlight of exponent 32, seen along a ray.  [Blinn 1977, Comput. Graph. 11, 192]"""
     shine = ti.max(normal.dot(direction(light - direction(ray))), single(0.0))
     shine = shine * shine * shine * shine
     shine = shine * shine * shine * shine
     return shine * shine
-
-
-@ti.func
-def packed_light(drawing: Template, packed):
-    """Light of red | green << 8 | blue << 16 as displayed."""
-    return ti.Vector([drawing.levels[ti.cast(packed >> 8 * channel & 255, ti.i32)] for channel in ti.static(range(3))])
-
-
-@ti.func
-def texel_light(drawing: Template, k):
-    """Light of one texel."""
-    return packed_light(drawing, drawing.texels[k])
-
-
-@ti.func
-def texture_light(drawing: Template, m, normal):
-    """Light of the texture of material m where the surface has a normal, between the four nearest texels."""
-    material, place = ti.static(drawing.material, drawing.place)
-    first, width, height = place[m, 0], place[m, 1], place[m, 2]
-    east = normal.dot(ti.Vector([material[m, 0], material[m, 1], material[m, 2]]))
-    north_east = normal.dot(ti.Vector([material[m, 3], material[m, 4], material[m, 5]]))
-    north = normal.dot(ti.Vector([material[m, 6], material[m, 7], material[m, 8]]))
-    north = ti.min(ti.max(north, single(-1.0)), single(1.0))
-    u = (ti.atan2(north_east, east) * single(0.5 / math.pi) + single(0.5)) * width - single(0.5)
-    v = ti.acos(north) * single(1.0 / math.pi) * height - single(0.5)
-    v = ti.min(ti.max(v, single(0.0)), ti.cast(height - 1, ti.f32))
-    column, row = ti.cast(ti.floor(u), ti.i32), ti.cast(ti.floor(v), ti.i32)
-    s, t = u - ti.floor(u), v - ti.floor(v)
-    left, right = (column + width) % width, (column + 1 + width) % width
-    upper, lower = first + row * width, first + ti.min(row + 1, height - 1) * width
-    above = texel_light(drawing, upper + left) * (1 - s) + texel_light(drawing, upper + right) * s
-    below = texel_light(drawing, lower + left) * (1 - s) + texel_light(drawing, lower + right) * s
-    return above * (1 - t) + below * t
-
-
-@ti.func
-def covered_share(a, b, c):
-    """Share of a disk of radius a that a disk of radius b covers, with their middles at the distance c."""
-    share = single(0.0)
-    if c < a + b:
-        if c <= ti.abs(a - b):
-            share = ti.min(single(1.0), b * b / (a * a))
-        else:
-            # Two circular segments of the lens in which circles meet, by the cosines of half their angles.
-            at_a = ti.min(ti.max((c * c + a * a - b * b) / (2 * c * a), single(-1.0)), single(1.0))
-            at_b = ti.min(ti.max((c * c + b * b - a * a) / (2 * c * b), single(-1.0)), single(1.0))
-            kite = ti.max((a + b - c) * (c + a - b) * (c - a + b) * (a + b + c), single(0.0))
-            lens = a * a * ti.acos(at_a) + b * b * ti.acos(at_b) - single(0.5) * ti.sqrt(kite)
-            share = ti.min(lens / (single(math.pi) * a * a), single(1.0))
-    return share
-
-
-@ti.func
-def seen_share(drawing: Template, point, to_light, distance, light_radius, index):
-    """Share of a light's disk that is visible from a point of particle `index`, past all casters of shadows between them.
-
-    Disks are compared in the plane at unit distance from the point; where casters overlap, their shares are multiplied.
-    """
-    casters = ti.static(drawing.casters)
-    share, disk = single(1.0), light_radius / distance
-    for k in range(drawing.caster_count):
-        if casters[k, 4] != index:
-            way = ti.Vector([casters[k, 0], casters[k, 1], casters[k, 2]]) - point
-            along = way.dot(to_light)
-            if along > 0 and along < distance:
-                aside = way - along * to_light
-                reach = casters[k, 3] + along * disk  # of the half shadow, at the distance of the caster from the point
-                if aside.dot(aside) < reach * reach:
-                    share *= 1 - covered_share(disk, casters[k, 3] / along, ti.sqrt(aside.dot(aside)) / along)
-    return share
 
 
 @ti.func
@@ -143,17 +76,28 @@ def shade_surface(drawing: Template, p, x, y, depth):
     ray, point, normal = surface_at(drawing, p, x, y, depth)
     m = ti.cast(drawing.table[p, 12], ti.i32)
     shines, specular = single(0.0), single(SPECULAR)
+    ground, clear, dark = normal, single(1.0), single(1.0)
     if m >= 0:
-        shines = material[m, 9]
-        if drawing.place[m, 1] > 0:
+        shines = material[m, SHINES]
+        if drawing.place[m, TEXTURE_AT + 1] > 0:
             color = texture_light(drawing, m, normal)
             specular = single(0.0)
+        if ti.static(drawing.surfaces & RELIEF):
+            if drawing.place[m, RELIEF_AT + 1] > 0:
+                ground = sloping_normal(drawing, m, normal)
+        if ti.static(drawing.surfaces & CLOUDS):
+            if drawing.place[m, CLOUDS_AT + 1] > 0:
+                cloud = clouds_over(drawing, m, normal)
+                clear = 1 - cloud[3]
+                color = color * clear + ti.Vector([cloud[0], cloud[1], cloud[2]])
+                ground = direction(ground * clear + normal * cloud[3])
+                specular *= clear
     if shines > 0:
         toward_eye = ti.max(-normal.dot(direction(ray)), single(0.0))
         white = single(HOT) * toward_eye * toward_eye  # as a film shows light that is too bright for it
         color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
     elif drawing.light_count == 0:
-        color = lit_from_afar(drawing, color, normal, ray, specular)
+        color = lit_from_afar(drawing, color, ground, ray, specular)
     else:
         albedo = color
         color = albedo * drawing.ambient
@@ -162,11 +106,23 @@ def shade_surface(drawing: Template, p, x, y, depth):
             distance = ti.sqrt(way.dot(way))
             to_light = way * (single(1) / distance)
             diffuse = normal.dot(to_light)
+            if ti.static(drawing.surfaces & NIGHT):
+                dark *= share_of_night(diffuse)
+            if ti.static(drawing.surfaces & (RELIEF | CLOUDS)):
+                diffuse = sloping_light(diffuse, ground.dot(to_light))
             if diffuse > 0:
                 light = albedo * diffuse
                 if specular > 0:
-                    light += specular * highlight(normal, ray, to_light)
+                    light += specular * highlight(ground, ray, to_light)
+                if ti.static(drawing.surfaces & COLORED_LIGHT):
+                    light *= ti.Vector([lights[k, 7], lights[k, 8], lights[k, 9]])
+                if ti.static(drawing.surfaces & RINGS):
+                    light *= share_through_rings(drawing, point, to_light, distance, lights[k, 3])
                 color += light * seen_share(drawing, point, to_light, distance, lights[k, 3], drawing.table[p, 13])
+        if ti.static(drawing.surfaces & NIGHT):
+            if m >= 0 and dark > 0:
+                if drawing.place[m, NIGHT_AT + 1] > 0:
+                    color += night_light(drawing, m, normal) * (dark * clear)
     return color
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.scene.view_spec import BodyViewSpec, ViewSpec
+from mpp_taichi.scene.body_view_spec import BodyViewSpec
+from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.coloring import ColorBar, Coloring, GroupKey

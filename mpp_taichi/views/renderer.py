@@ -22,6 +22,7 @@ from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.overlay import draw_overlay
+from mpp_taichi.views.rings import tiles_with_rings
 from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
@@ -145,6 +146,8 @@ class Renderer(View):
         behind = self._plain if self._sky is None else self._sky.picture(self.camera)
         # Most tiles of a picture are empty, unless a body glows.
         shows = np.diff(primitives.start) > 0
+        if len(tables.rings):
+            shows |= tiles_with_rings(tables.rings, screen)
         tiles = np.flatnonzero(shows if not tables.glow_count else np.ones_like(shows)).astype(np.int32)
         if not len(tiles):
             return behind.copy()
@@ -166,7 +169,7 @@ class Renderer(View):
             canvas,
             CURVE,
             ti.Vector(LIGHT.tolist()),
-            bool(self._surfaces),
+            self._surfaces.parts,
             tables.material,
             tables.place,
             tables.texels,
@@ -176,6 +179,8 @@ class Renderer(View):
             tables.glow_count,
             at_least_one(tables.casters),
             len(tables.casters),
+            at_least_one(tables.rings),
+            len(tables.rings),
             self.spec.ambient,
         )
         return canvas if by_row else _unpacked(canvas)

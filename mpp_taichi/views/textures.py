@@ -1,6 +1,5 @@
 """Textures: the surfaces of bodies as pictures of longitude and latitude, from a file or from a pattern. Host only."""
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -8,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from mpp_taichi.errors import OutputError
-from mpp_taichi.scene.view_spec import TextureSpec
+from mpp_taichi.scene.body_view_spec import TextureSpec
 from mpp_taichi.views.patterns import pattern_picture
 from mpp_taichi.views.srgb import linear_from_srgb, srgb_from_linear
 
@@ -27,10 +26,10 @@ class Texture:
 
     levels: tuple[np.ndarray, ...]
 
-    def level_for(self, pixels: float) -> int:
-        """The level whose texels are about as large as pixels, for a sphere with a radius of this number of pixels."""
-        texels = self.levels[0].shape[1] / (2.0 * math.pi * max(pixels, 1e-3))  # across a pixel, at the middle of the disk
-        return int(np.clip(round(math.log2(max(texels, 1.0))), 0, len(self.levels) - 1))
+    @staticmethod
+    def of(picture: np.ndarray) -> "Texture":
+        """The texture of a picture, uint8, shape (rows, columns, 3 or more)."""
+        return Texture(_halved(picture))
 
     def light(self, direction: np.ndarray) -> np.ndarray:
         """Light of the surface in unit directions (…, 3), interpolated between the four nearest texels."""
@@ -57,7 +56,7 @@ def make_texture(spec: TextureSpec, color: tuple[float, ...]) -> Texture:
 
 @lru_cache(maxsize=64)
 def _pattern(name: str, seed: int, color: tuple[float, ...]) -> Texture:
-    return Texture(_halved(pattern_picture(name, seed, color)))
+    return Texture.of(pattern_picture(name, seed, color))
 
 
 @lru_cache(maxsize=32)
@@ -73,7 +72,7 @@ def read_picture(path: str) -> Texture:
             rgb = image.convert("RGB")
             if width > WIDEST:
                 rgb = rgb.resize((WIDEST, max(1, height * WIDEST // width)), Image.Resampling.BOX)
-            return Texture(_halved(np.asarray(rgb)))
+            return Texture.of(np.asarray(rgb))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise OutputError(f"{path}: cannot read the picture: {error}") from None
 

@@ -9,6 +9,7 @@ import pytest
 from mpp_taichi import OutputError, SceneError, Simulation
 from mpp_taichi.cli.main import main
 from mpp_taichi.importers.catalogue import import_scene, importers
+from mpp_taichi.scene.body_view_spec import BodyLightSpec
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.write import scene_text
 from mpp_taichi.snapshot import Snapshot
@@ -168,7 +169,7 @@ def test_scales_spins_and_the_light_of_a_solar_system_are_for_the_picture_alone(
     path.write_bytes(SOLAR.replace("</SolarSystem>", moon).encode("latin-1"))
     spec = load_scene(import_scene(path)[1])
     sun, satellite = spec.view.bodies[0, 1], spec.view.bodies[2, 1]
-    assert (sun.light, sun.radius_scale, sun.spin) == (True, 50.0, None)
+    assert (sun.light, sun.radius_scale, sun.spin) == (BodyLightSpec(), 50.0, None)
     assert (satellite.around, satellite.distance_scale, satellite.radius_scale) == (1, 45.0, 1000.0)
     assert satellite.spin.period == 27.321661 * 86400.0
     np.testing.assert_allclose(satellite.spin.axis, [0.0, np.sin(np.radians(6.687)), np.cos(np.radians(6.687))])

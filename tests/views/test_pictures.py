@@ -16,6 +16,7 @@ from mpp_taichi.scene.spec import CameraSpec
 from mpp_taichi.scene.view_spec import (
     ArrowsSpec,
     AxesSpec,
+    BodyLightSpec,
     BodyViewSpec,
     ColorBySpec,
     ColorScaleSpec,
@@ -29,7 +30,7 @@ from mpp_taichi.scene.view_spec import (
     ViewSpec,
 )
 from mpp_taichi.views import patterns, textures
-from mpp_taichi.views._surface_shading import covered_share
+from mpp_taichi.views._shadows import covered_share
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.color_maps import COLOR_TABLES, NOWHERE, colors_of
@@ -228,7 +229,7 @@ def test_a_torn_picture_is_refused_in_a_line(tmp_path) -> None:
         textures.read_picture(str(path))
 
 
-@pytest.mark.parametrize("name", ["banded", "continents", "cratered", "checker"])
+@pytest.mark.parametrize("name", ["banded", "continents", "coasts", "cratered", "checker"])
 def test_patterns_repeat_and_have_no_seam(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patterns, "ROWS", 96)
     color = (0.7, 0.5, 0.3)
@@ -305,7 +306,7 @@ def _seen_of_the_light(point: np.ndarray) -> float:
 
 def test_shadow_of_a_sphere_on_a_sphere_is_that_of_rays(cpu) -> None:
     frame = frame_of([[0, 0, 0], CASTER_PLACE, LIGHT_PLACE], [1.0, CASTER_RADIUS, LIGHT_RADIUS], (0.8, 0.8, 0.8))
-    bodies = {(2, 1): BodyViewSpec(light=True)}
+    bodies = {(2, 1): BodyViewSpec(light=BodyLightSpec())}
     lit = view_spec(PARALLEL, bodies=bodies, ambient=0.0)
     shaded = linear_from_srgb(draw(frame, lit, SIZE)[:, :, 1] / 255.0)
     apart = replace(frame, position=np.array([[0, 0, 0], [1.5, 9.0, 1.35], LIGHT_PLACE]))
@@ -323,7 +324,7 @@ def test_shadow_of_a_sphere_on_a_sphere_is_that_of_rays(cpu) -> None:
 
 
 def test_light_from_afar_comes_from_its_direction_and_makes_shadows(cpu) -> None:
-    spec = view_spec(PARALLEL, light=LightSpec(direction=(1.0, 0.0, 0.0)), ambient=0.0)
+    spec = view_spec(PARALLEL, light=(LightSpec(direction=(1.0, 0.0, 0.0)),), ambient=0.0)
     alone = draw(frame_of([-0.5, 0, 0], 0.5), spec, SIZE)[:, :, 1].astype(int)
     shaded = draw(frame_of([[-0.5, 0, 0], [1.5, 0, 0]], [0.5, 0.25]), spec, SIZE)[:, :, 1].astype(int)
     assert alone[80, :59].max() == 0 and alone[80, 75] > 150 and alone[80, 82:].max() == 0, "half is lit, and nothing glows"
@@ -336,7 +337,7 @@ def test_light_from_afar_comes_from_its_direction_and_makes_shadows(cpu) -> None
 
 def test_a_light_source_is_bright_without_other_light_and_has_a_glow(cpu) -> None:
     picture = draw(
-        frame_of([0, 0, 0], 0.5, (1, 0.6, 0.2)), view_spec(PARALLEL, bodies={(0, 1): BodyViewSpec(light=True)}), SIZE
+        frame_of([0, 0, 0], 0.5, (1, 0.6, 0.2)), view_spec(PARALLEL, bodies={(0, 1): BodyViewSpec(light=BodyLightSpec())}), SIZE
     )
     light = linear_from_srgb(picture / 255.0).sum(axis=2)
     assert light[80, 80] > light[80, 80 + 18] > light[80, 80 + 24] > light[80, 80 + 40] > 0.0
@@ -454,6 +455,6 @@ def test_only_what_a_view_asks_for_is_compiled(monkeypatch: pytest.MonkeyPatch) 
         )
         assert draw(frame_of([0, 0, 0], 1.0, velocity=np.ones((1, 3))), asked, SIZE).max() > 0
         with pytest.raises(Exception, match="compiled"):
-            draw(frame_of([0, 0, 0], 1.0), view_spec(bodies={(0, 1): BodyViewSpec(light=True)}), SIZE)
+            draw(frame_of([0, 0, 0], 1.0), view_spec(bodies={(0, 1): BodyViewSpec(light=BodyLightSpec())}), SIZE)
     finally:
         backends.stop()

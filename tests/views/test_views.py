@@ -14,7 +14,7 @@ from pictures import FRONT, SIZE, crowd, draw, frame_of, view_spec
 from mpp_taichi.device import backends
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
-from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
+from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyLightSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
 from mpp_taichi.views import _primitives, caption
 from mpp_taichi.views.offscreen import open_offscreen
 from mpp_taichi.views.trails import Trails
@@ -155,7 +155,7 @@ def test_tiles_that_look_for_their_primitives_show_what_pixels_do(cpu, monkeypat
     """CPUs go through a tile's primitives once, GPUs for each pixel: the same to the last bit, also where a sun glows."""
     from mpp_taichi.views import renderer
 
-    sun = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0)}
+    sun = {(0, 1): BodyViewSpec(light=BodyLightSpec(), radius_scale=4.0)}
     specs = [view_spec(camera, spring_width=6.0), view_spec(camera, bodies=sun, sky=SkySpec(stars=100))]
     pictures = []
     for by_tile in (True, False):
@@ -203,7 +203,10 @@ def test_double_precision_of_the_simulation_changes_nothing() -> None:
 
 def test_vulkan_draws_the_same(software_vulkan) -> None:
     texture = TextureSpec(pattern="checker")
-    bodies = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0), (1, 200): BodyViewSpec(texture=texture, radius_scale=2.0)}
+    bodies = {
+        (0, 1): BodyViewSpec(light=BodyLightSpec(), radius_scale=4.0),
+        (1, 200): BodyViewSpec(texture=texture, radius_scale=2.0),
+    }
     views = (view_spec(), view_spec(bodies=bodies, sky=SkySpec(stars=500)))
     pictures = []
     for backend in ("cpu", "vulkan"):

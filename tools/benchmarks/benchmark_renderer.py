@@ -56,7 +56,7 @@ def views():
     camera = CameraSpec(position=(0.0, -9.0, 2.0), look_at=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0))
     plain = ViewSpec(camera=camera, caption=False)
     textured = {(0, 20): BodyViewSpec(texture=TextureSpec(pattern="cratered"))}
-    lit = replace(plain, light=LightSpec(direction=(-1.0, -0.5, 1.0)), sky=SkySpec(stars=3000), bodies=textured)
+    lit = replace(plain, light=(LightSpec(direction=(-1.0, -0.5, 1.0)),), sky=SkySpec(stars=3000), bodies=textured)
     return {
         "plain": (plain, "kernel"),
         "colour": (replace(plain, color_by=ColorBySpec(speed=ColorScaleSpec())), "kernel"),
