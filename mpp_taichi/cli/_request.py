@@ -80,8 +80,11 @@ class Request:
         count = round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
         return max(2, count) if self.still is not None and count > 0 else count
 
-    def for_another_scene(self) -> "Request":
-        """The part of the request that holds for a scene opened in its window: how to run, without any file."""
+    def for_another_scene(self, rewind: "Rewind | None" = None) -> "Request":
+        """The part of the request that holds for a scene opened in its window: how to run, without any file.
+
+        `rewind` is the state from which that scene goes on.
+        """
         kept = (
             "backend",
             "precision",
@@ -94,7 +97,7 @@ class Request:
             "look",
             "force",
         )
-        return Request(**{name: getattr(self, name) for name in (*kept, "window", "look", "force")})
+        return Request(**{name: getattr(self, name) for name in kept}, rewind=rewind)
 
     def check(self) -> None:
         """Refuse files that cannot be written, before anything is computed.

@@ -74,11 +74,15 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         right = None
         if request.beside is not None:
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
-        simulation = stack.enter_context(start(spec, request) if stage is None else stage.simulation)
+        simulation = stack.enter_context(start(spec, request) if stage is None else stage.started.simulation)
         if right is not None:
             right.begin(simulation)
-        rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
-        goal = goal if request.rewind is None else request.rewind.goal(goal, simulation)
+        rewound = "" if stage is None else stage.started.rewound
+        if stage is not None and stage.started.rewind is not None:
+            goal = stage.started.rewind.goal(goal, simulation, beyond=True)
+        elif request.rewind is not None:
+            rewound = request.rewind.choose_step(simulation)
+            goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
         validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None and request.is_new else Validity()

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._shelves import Folder
 from mpp_taichi.cli._terminal import explain_error
 from mpp_taichi.errors import MppError, OutputError
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.report.summary import Timed
+from mpp_taichi.scene.bundled import SUFFIXES as SCENE_FILES
 from mpp_taichi.scene.log import reads_files, write_log
 from mpp_taichi.scene.sliders import value_of
 from mpp_taichi.scene.spec import SliderSpec
@@ -23,10 +25,12 @@ from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._start_simulation import Started
+    from mpp_taichi.scene.spec import SceneSpec
     from mpp_taichi.simulation.simulation import Simulation
 
+    Starter = Callable[[Path, SceneSpec, SceneSpec], Started]
 
-SCENE_FILES = (".yaml", ".yml")
 TITLE = re.compile(r"""title:\s*(?:"([^"\\]+)"|'([^']+)'|([^\s"'#|>&*!][^#\n]*?))\s*(?:#.*)?$""")
 TITLE_WITHIN = 100  # lines of a file: longer files are not read for a list
 
@@ -39,21 +43,23 @@ class SessionDesk:
         simulation: "Simulation",
         goal: "Goal",
         recorders: Sequence[Any],
-        start: "Callable[[Path], Simulation] | None" = None,
+        start: "Starter | None" = None,
     ) -> None:
-        """Begin to keep the history; `start` makes the simulation of another scene, on the same device."""
+        """Begin to keep the history; `start` makes the simulation of another file, on the same device."""
         self.simulation, self.goal, self.recorders = simulation, goal, recorders
         self._start = start
         self._file = Path(simulation.scene.source)
-        self.opened: Simulation | None = None
+        self._written = simulation.scene
+        self.opened: Started | None = None
         self.history = History(simulation)
         self._stem = output_stem(simulation.scene.source)
 
     def desk(self) -> Desk:
         """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "scenes", "title_of", "open")}
-        return Desk(knobs, present=self._file.name, **actions)
+        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "title_of", "open")}
+        place = None if self._start is None else Folder.of(self._file)
+        return Desk(knobs, present=self._file, place=place, **actions)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -112,26 +118,22 @@ class SessionDesk:
         (path,) = numbered(self._stem, ".mp4")
         return VideoRecorder(path, size, fps)
 
-    def scenes(self) -> list[str]:
-        """The scene files beside the present one."""
-        if self._start is None or not self._file.is_file():
-            return []
-        return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
-
-    def title_of(self, name: str) -> str:
-        """The title that another file gives, for a list; the name of the file where no title is found."""
+    def title_of(self, file: Path) -> str:
+        """The title that a scene's file gives, for a list; empty where no title is found."""
+        if file.suffix.lower() not in SCENE_FILES:
+            return ""
         try:
-            with open(self._file.with_name(name), encoding="utf-8", errors="replace") as lines:
+            with open(file, encoding="utf-8", errors="replace") as lines:
                 found = (TITLE.match(line) for line in islice(lines, TITLE_WITHIN))
-                return next((match[1] or match[2] or match[3] for match in found if match), name)
+                return next((match[1] or match[2] or match[3] for match in found if match), "")
         except OSError:
-            return name
+            return ""
 
-    def open(self, name: str) -> str:
+    def open(self, file: Path) -> str:
         """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""
         assert self._start is not None  # no scenes are listed
         try:
-            self.opened = self._start(self._file.with_name(name))
+            self.opened = self._start(file, self.simulation.scene, self._written)
         except MppError as error:
             explain_error(error)
             return str(error).splitlines()[0]
@@ -155,6 +157,6 @@ def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:
         f"The same motion, bit for bit: python -m mpp_taichi run {path.name} {options}",
     ]
     if begin > 0.0:
-        lines.append(f"It began at t = {begin:.9g}, from the state that --rewind named; say so again.")
+        lines.append(f"It began at t = {begin:.9g}, from the state {goal.state}: add --rewind {goal.state} to the command.")
     end = simulation.time if goal.until is None else min(simulation.time, goal.until)
     write_log(path, simulation.scene, end, "\n".join(lines))

@@ -84,7 +84,9 @@ def execute(arguments: argparse.Namespace) -> int:
             earlier.append(outcome)
             if not arguments.quiet:
                 tell(outcome, arguments)
-            outcome = run_scene(outcome.next.simulation.scene, request.for_another_scene(), outcome.next)
+            stage = outcome.next
+            another = request.for_another_scene(stage.started.rewind)
+            outcome = run_scene(stage.started.simulation.scene, another, stage)
     return report(outcome, arguments, before=earlier)
 
 

@@ -27,7 +27,7 @@ HELP = (
     (LOOK_KEY, "change the look"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
-    ("N", "another scene of the folder"),
+    ("N", "another scene, from a list"),
     ("C", "picture to a file"),
     ("M", "film on, off"),
     ("S", "state to a file"),

@@ -104,7 +104,7 @@ class Window:
         self._scene = WindowScene(glass, spec, dimensions, self._panels, look)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
-        self._scenes = SceneList(self._desk.scenes, self._desk.present, self._desk.title_of)
+        self._scenes = SceneList(self._desk.place, self._desk.present, self._desk.title_of)
         self._boxes = WindowBoxes(self._sliders, self._scenes)
         self._follower = Follower()
         self._film = WindowFilm(self._desk.film)
@@ -287,9 +287,9 @@ class Window:
 
     def _open_scene(self, controls: Controls) -> None:
         """Hand the window on to the scene that was chosen from the list, if the scene can be opened."""
-        if (name := self._scenes.take()) is not None:
-            self._wait_for(self._desk.title_of(name))
-            self._scenes.message = self._desk.open(name)
+        if (file := self._scenes.take()) is not None:
+            self._wait_for(self._desk.title_of(file) or file.name)
+            self._scenes.message = self._desk.open(file)
             self.handed_on = controls.quit = not self._scenes.message
 
     def _say(self, message: str) -> None:
