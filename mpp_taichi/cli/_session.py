@@ -91,6 +91,11 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         return run.go(interruption, sinks, trajectory)
 
 
+def run_stage(stage: "Stage", request: Request) -> Outcome:
+    """Run a scene that was opened in a window, with the options that hold for every scene."""
+    return run_scene(stage.started.simulation.scene, request.for_another_scene(stage.started.rewind), stage)
+
+
 class _Run:
     """The middle part of a session, after everything has started: step, sample, and close all files."""
 

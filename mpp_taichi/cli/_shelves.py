@@ -10,7 +10,7 @@ from mpp_taichi.importers.catalogue import is_recognised
 from mpp_taichi.scene.bundled import SUFFIXES as SCENE_FILES
 from mpp_taichi.scene.bundled import bundled_scenes, from_here
 from mpp_taichi.scene.catalogue import TOPICS, listed
-from mpp_taichi.views.scene_list import ListRow
+from mpp_taichi.views.scene_list import ListRow, Place
 
 OUTSIDE = ".."
 STATE, STATE_MARK = ".npz", "meta.npy"  # of a saved state; trajectories and tables have no such part
@@ -69,7 +69,7 @@ class Program:
 class Topic:
     """The scenes of the program on a topic."""
 
-    outside: Program
+    outside: Place
     topic: str
 
     @property
@@ -81,6 +81,28 @@ class Topic:
         """A row for each scene."""
         scenes = [each for each in listed(bundled_scenes().values()) if each.topic == self.topic]
         return [ListRow(OUTSIDE, place=self.outside), *(ListRow(each.name, from_here(each.file)) for each in scenes)]
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """The place with which a window without a scene begins: the topics of the program's scenes, and the rows of a folder."""
+
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """Both parts."""
+        return f"{PROGRAM}, and {Folder(self.folder).name}"
+
+    def rows(self) -> Sequence[ListRow]:
+        """A row for each topic, then the rows of the folder."""
+        return [*_topics_in(self), *(row for row in Folder(self.folder).rows() if row.name != PROGRAM)]
+
+
+def _topics_in(place: Place) -> Sequence[ListRow]:
+    """A row for each topic that has a scene; the way out of a topic leads to `place`."""
+    topics = {each.topic for each in listed(bundled_scenes().values())}
+    return [ListRow(each, place=Topic(place, each)) for each in TOPICS if each in topics]
 
 
 def is_openable(file: Path) -> bool:

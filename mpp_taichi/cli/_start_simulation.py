@@ -59,10 +59,12 @@ def _checked(simulation: "Simulation", request: Request) -> "Simulation":
     return simulation
 
 
-def start_another(file: Path, present: SceneSpec, written: SceneSpec, *, device: "Device", request: Request) -> "Started":
-    """Start the simulation of another file on the device of the present simulation; its steps are checked.
+def start_another(
+    file: Path, present: SceneSpec | None = None, written: SceneSpec | None = None, *, device: "Device", request: Request
+) -> "Started":
+    """Start the simulation of another file on the device of the window; its steps are checked.
 
-    `present` is the scene that runs now, and `written` the part of it without moves of sliders.
+    `present` is the scene that runs now, if there is one, and `written` the part of it without moves of sliders.
 
     Raises:
         MppError: the file cannot be run.

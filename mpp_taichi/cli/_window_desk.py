@@ -57,9 +57,9 @@ class SessionDesk:
     def desk(self) -> Desk:
         """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "title_of", "open")}
+        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "open")}
         place = None if self._start is None else Folder.of(self._file)
-        return Desk(knobs, present=self._file, place=place, **actions)
+        return Desk(knobs, present=self._file, place=place, title_of=title_of, **actions)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -118,17 +118,6 @@ class SessionDesk:
         (path,) = numbered(self._stem, ".mp4")
         return VideoRecorder(path, size, fps)
 
-    def title_of(self, file: Path) -> str:
-        """The title that a scene's file gives, for a list; empty where no title is found."""
-        if file.suffix.lower() not in SCENE_FILES:
-            return ""
-        try:
-            with open(file, encoding="utf-8", errors="replace") as lines:
-                found = (TITLE.match(line) for line in islice(lines, TITLE_WITHIN))
-                return next((match[1] or match[2] or match[3] for match in found if match), "")
-        except OSError:
-            return ""
-
     def open(self, file: Path) -> str:
         """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""
         assert self._start is not None  # no scenes are listed
@@ -137,6 +126,18 @@ class SessionDesk:
         except MppError as error:
             explain_error(error)
             return str(error).splitlines()[0]
+        return ""
+
+
+def title_of(file: Path) -> str:
+    """The title that a scene's file gives, for a list; empty where no title is found."""
+    if file.suffix.lower() not in SCENE_FILES:
+        return ""
+    try:
+        with open(file, encoding="utf-8", errors="replace") as lines:
+            found = (TITLE.match(line) for line in islice(lines, TITLE_WITHIN))
+            return next((match[1] or match[2] or match[3] for match in found if match), "")
+    except OSError:
         return ""
 
 

@@ -1,4 +1,4 @@
-"""Run a scene: in a window where there is a display, else into a film.
+"""Run a scene: in a window where there is a display, else into a film. Without a scene, a window lists the scenes.
 
 With --headless nothing is shown, and only the requested files are written. With --video the run becomes a film. Where no window
 can open, the run becomes the film out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of
@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, say
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
 from mpp_taichi.views.looks import LOOKS, MOST_PARTICLES
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    _options.add_scene(parser)
+    _options.add_scene(parser, or_list=True)
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
     parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")
@@ -65,13 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, and return the exit code."""
+    if arguments.scene is None:
+        return _begin_with_a_list(arguments)
     spec = _options.scene_of(arguments)
     if arguments.dry_run:
         from mpp_taichi.cli._dry_run import dry_run
 
         return dry_run(spec, arguments)
     from mpp_taichi.cli._choose_method import settled
-    from mpp_taichi.cli._outcome import report, tell
+    from mpp_taichi.cli._outcome import report
     from mpp_taichi.cli._session import run_scene
 
     with output_reserved(arguments.json):
@@ -79,15 +81,43 @@ def execute(arguments: argparse.Namespace) -> int:
         request = request_of(arguments, spec)
         outcome = run_scene(spec, request)
         outcome.summary |= choice
-        earlier: list[Outcome] = []
-        while outcome.next is not None:  # another scene was opened in the window
-            earlier.append(outcome)
-            if not arguments.quiet:
-                tell(outcome, arguments)
-            stage = outcome.next
-            another = request.for_another_scene(stage.started.rewind)
-            outcome = run_scene(stage.started.simulation.scene, another, stage)
+        outcome, earlier = _all_scenes(outcome, request, arguments)
     return report(outcome, arguments, before=earlier)
+
+
+def _all_scenes(outcome: "Outcome", request: "Request", arguments: argparse.Namespace) -> "tuple[Outcome, list[Outcome]]":
+    """Run the scenes that are opened in the window one after the other; the outcomes of the last scene, and of those before."""
+    from mpp_taichi.cli._outcome import tell
+    from mpp_taichi.cli._session import run_stage
+
+    earlier: list[Outcome] = []
+    while outcome.next is not None:
+        earlier.append(outcome)
+        if not arguments.quiet:
+            tell(outcome, arguments)
+        outcome = run_stage(outcome.next, request)
+    return outcome, earlier
+
+
+def _begin_with_a_list(arguments: argparse.Namespace) -> int:
+    """Open a window without a scene."""
+    from mpp_taichi.cli._empty_window import first_stage, request_without_scene, require_no_more
+    from mpp_taichi.cli._outcome import report
+
+    require_no_more(arguments, "")
+    require_no_more(arguments, no_window())
+    request = request_without_scene(arguments)
+    with output_reserved(arguments.json):
+        stage = first_stage(request)
+        if stage is not None:
+            from mpp_taichi.cli._session import run_stage
+
+            outcome, earlier = _all_scenes(run_stage(stage, request), request, arguments)
+    if stage is not None:
+        return report(outcome, arguments, before=earlier)
+    if arguments.json:
+        put_json({"status": "ok", "exit_code": 0})
+    return 0
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":

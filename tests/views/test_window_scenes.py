@@ -14,7 +14,7 @@ from test_window import CORNER, WINDOW, Session, changed, display
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._shelves import PROGRAM as OWN
 from mpp_taichi.cli._shelves import Folder
-from mpp_taichi.cli._window_desk import SessionDesk
+from mpp_taichi.cli._window_desk import title_of
 from mpp_taichi.cli.main import VERBS, main
 from mpp_taichi.device import backends
 from mpp_taichi.scene.bundled import bundled_scenes
@@ -153,9 +153,8 @@ def test_titles_of_files_are_read_without_reading_the_files(tmp_path):
     for name, text in content.items():
         (tmp_path / f"{name}.yaml").write_text(text + "\nparticles: [", encoding="utf-8")
     (tmp_path / "state.npz").write_text("title: no scene", encoding="utf-8")
-    desk = object.__new__(SessionDesk)
     names = [*(f"{name}.yaml" for name in (*content, "absent")), "state.npz"]
-    assert [desk.title_of(tmp_path / name) for name in names] == ["A – b", "Two: ü", "", "", "", ""]
+    assert [title_of(tmp_path / name) for name in names] == ["A – b", "Two: ü", "", "", "", ""]
 
 
 def test_a_folder_without_scenes_is_said():
