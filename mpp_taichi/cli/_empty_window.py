@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.cli._file_scene import scene_in
 from mpp_taichi.cli._last_files import farewell
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._shelves import Beginning
@@ -49,7 +50,7 @@ def first_stage(request: Request) -> "Stage | None":
 
     def open_file(file: Path) -> str:
         try:
-            started.append(start_another(file, device=device, request=request))
+            started.append(start_another(scene_in(file), device=device, request=request))
         except MppError as error:
             explain_error(error)
             return str(error).splitlines()[0]

@@ -24,10 +24,11 @@ STEP = 0.01  # of particles that move along straight lines, where their state do
 
 @dataclass(frozen=True, eq=False)
 class FileScene:
-    """A scene, and the state from which it goes on; without a state it begins at its own start."""
+    """A scene, and the state of a file from which it goes on; without a state it begins at its own start."""
 
     spec: SceneSpec
     state: Snapshot | None = None
+    state_file: Path = Path()
 
 
 def scene_in(file: Path, present: SceneSpec | None = None, written: SceneSpec | None = None) -> FileScene:
@@ -53,7 +54,7 @@ def scene_in(file: Path, present: SceneSpec | None = None, written: SceneSpec | 
             course_of(spec, state)
         except MppError:
             continue
-        return FileScene(spec, state)
+        return FileScene(spec, state, file)
     say(f"note: {file}: no scene of this state was found; its particles are shown without forces")
     return FileScene(load_resolved(_particles_of(file, state), str(file)))
 

@@ -61,7 +61,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     request.check()
     if request.inspect and not spec.inspect and request.beside is None:
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
-    goal = Goal.of(spec, request.until, request.steps)
+    goal = Goal.of(spec, request.until, request.steps) if stage is None else stage.started.goal
     goal.check(spec, may_be_endless=request.window)
     check_amounts(spec, request, goal)
     with ExitStack() as stack:
@@ -78,9 +78,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         if right is not None:
             right.begin(simulation)
         rewound = "" if stage is None else stage.started.rewound
-        if stage is not None and stage.started.rewind is not None:
-            goal = stage.started.rewind.goal(goal, simulation, beyond=True)
-        elif request.rewind is not None:
+        if stage is None and request.rewind is not None:
             rewound = request.rewind.choose_step(simulation)
             goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)

@@ -1,10 +1,9 @@
 """Start the simulation of a session: from a scene, from the state of an earlier run, or in the window of another scene."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._file_scene import scene_in
+from mpp_taichi.cli._file_scene import FileScene
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._rewind import Rewind
@@ -20,12 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Started:
-    """The simulation of another file that was opened in a window.
+    """The simulation of another scene that was opened in a window, and the length of its run.
 
     Of a saved state also the rewind with which it goes on, and a line with its step.
     """
 
     simulation: "Simulation"
+    goal: Goal
     rewind: Rewind | None = None
     rewound: str = ""
 
@@ -59,22 +59,19 @@ def _checked(simulation: "Simulation", request: Request) -> "Simulation":
     return simulation
 
 
-def start_another(
-    file: Path, present: SceneSpec | None = None, written: SceneSpec | None = None, *, device: "Device", request: Request
-) -> "Started":
-    """Start the simulation of another file on the device of the window; its steps are checked.
+def start_another(found: FileScene, *, device: "Device", request: Request, goal: Goal | None = None) -> Started:
+    """Start the simulation of another scene on the device of the window; its steps are checked.
 
-    `present` is the scene that runs now, if there is one, and `written` the part of it without moves of sliders.
+    `goal` is the length of its run, by default that of the scene.
 
     Raises:
-        MppError: the file cannot be run.
+        MppError: the scene cannot be run.
     """
     from mpp_taichi.simulation.simulation import Simulation
 
-    found = scene_in(file, present, written)
-    rewind = None if found.state is None else Rewind(found.state, file, step_is_given=False)
-    goal = Goal.of(found.spec, None, None)
-    goal.check(found.spec, may_be_endless=True)
+    rewind = None if found.state is None else Rewind(found.state, found.state_file, step_is_given=False)
+    length = goal or Goal.of(found.spec, None, None)
+    length.check(found.spec, may_be_endless=True)
     where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
     _tell(found.spec, request)
     simulation = Simulation(found.spec, **where, plan=request.plan, force=request.force, start=found.state)
@@ -82,12 +79,12 @@ def start_another(
     try:
         if rewind is not None:
             rewound = rewind.choose_step(simulation)
-            goal = rewind.goal(goal, simulation, beyond=True)
-        check_steps(simulation, goal, force=request.force)
+            length = goal or rewind.goal(length, simulation, beyond=True)
+        check_steps(simulation, length, force=request.force)
     except MppError:
         simulation.close()
         raise
-    return Started(simulation, rewind, rewound)
+    return Started(simulation, length, rewind, rewound)
 
 
 def _tell(spec: SceneSpec, request: Request) -> None:

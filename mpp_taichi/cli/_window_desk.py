@@ -2,10 +2,14 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
+from mpp_taichi import component
+from mpp_taichi.cli._file_scene import FileScene, scene_in
+from mpp_taichi.cli._methods import about, refusal, with_method
 from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
 from mpp_taichi.cli._shelves import Folder
 from mpp_taichi.cli._terminal import explain_error
@@ -20,16 +24,21 @@ from mpp_taichi.scene.sliders import value_of
 from mpp_taichi.scene.spec import SliderSpec
 from mpp_taichi.simulation.history import History
 from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.method_box import Methods
 from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._goal import Goal
     from mpp_taichi.cli._start_simulation import Started
-    from mpp_taichi.scene.spec import SceneSpec
     from mpp_taichi.simulation.simulation import Simulation
 
-    Starter = Callable[[Path, SceneSpec, SceneSpec], Started]
+    class Starter(Protocol):
+        """Starts the simulation of another scene, to its own end or to a goal."""
+
+        def __call__(self, found: FileScene, *, goal: "Goal | None" = None) -> Started:
+            """Start it."""
+
 
 TITLE = re.compile(r"""title:\s*(?:"([^"\\]+)"|'([^']+)'|([^\s"'#|>&*!][^#\n]*?))\s*(?:#.*)?$""")
 TITLE_WITHIN = 100  # lines of a file: longer files are not read for a list
@@ -45,7 +54,7 @@ class SessionDesk:
         recorders: Sequence[Any],
         start: "Starter | None" = None,
     ) -> None:
-        """Begin to keep the history; `start` makes the simulation of another file, on the same device."""
+        """Begin to keep the history; `start` makes the simulation of another scene, on the same device."""
         self.simulation, self.goal, self.recorders = simulation, goal, recorders
         self._start = start
         self._file = Path(simulation.scene.source)
@@ -59,7 +68,13 @@ class SessionDesk:
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
         actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "open")}
         place = None if self._start is None else Folder.of(self._file)
-        return Desk(knobs, present=self._file, place=place, title_of=title_of, **actions)
+        methods = None if self._start is None else self._methods()
+        return Desk(knobs, present=self._file, place=place, title_of=title_of, methods=methods, **actions)
+
+    def _methods(self) -> Methods:
+        name = self._written.integrator.name
+        found = partial(refusal, self._written)
+        return Methods(component.names("integrators"), name, lambda: self.simulation.dt, found, about, self.choose)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -120,9 +135,22 @@ class SessionDesk:
 
     def open(self, file: Path) -> str:
         """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""
-        assert self._start is not None  # no scenes are listed
+        return self._begin(lambda: scene_in(file, self.simulation.scene, self._written), None)
+
+    def choose(self, method: str, dt: float) -> str:
+        """Prepare the present scene with another integrator and step, from its present start; sliders stay where they are."""
+
+        def found() -> FileScene:
+            spec = with_method(self._written, self.simulation.spec, method, dt)
+            start = self.simulation.start
+            return FileScene(spec, start, Path(self.goal.state)) if start.time > 0.0 else FileScene(spec)
+
+        return self._begin(found, self.goal)
+
+    def _begin(self, found: Callable[[], FileScene], goal: "Goal | None") -> str:
+        assert self._start is not None  # nothing else is offered
         try:
-            self.opened = self._start(file, self.simulation.scene, self._written)
+            self.opened = self._start(found(), goal=goal)
         except MppError as error:
             explain_error(error)
             return str(error).splitlines()[0]

@@ -28,6 +28,7 @@ HELP = (
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("N", "another scene, from a list"),
+    ("A", "integrator and step"),
     ("C", "picture to a file"),
     ("M", "film on, off"),
     ("S", "state to a file"),
@@ -48,7 +49,7 @@ Box = tuple[float, float, float, float]
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
     **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film", "a": "method"},
 }
 
 
@@ -77,6 +78,7 @@ class Controls:
     follow: bool = False
     scenes: bool = False
     look: bool = False
+    method: bool = False
     film: bool = False
     single_steps: int = 0
     steps_back: int = 0

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mpp_taichi.views.method_box import Methods
 from mpp_taichi.views.scene_list import Place
 from mpp_taichi.views.slider_panel import Knob
 from mpp_taichi.views.window_film import Tape, no_film
@@ -40,6 +41,7 @@ class Desk:
     film   open a film of a size in pixels, and so many pictures in a second
     place  the place with which the list of files begins that can be opened instead of the file `present`, which runs
     title_of  the title of such a file; empty where it has none
+    methods  the integrators from which another one is chosen for the scene, to which the window is handed on
     open   prepare another file, to which the window is handed on; the line states the error, if there is one
     """
 
@@ -53,3 +55,4 @@ class Desk:
     title_of: Callable[[Path], str] = _no_title
     open: Callable[[Path], str] = _nothing_opened
     present: Path | None = None
+    methods: Methods | None = None

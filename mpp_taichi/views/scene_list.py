@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from mpp_taichi.views.marked_rows import MarkedRows
+
 COLUMNS = 54  # letters of a line
 ROW, LINE, HEAD = 23, 17, 32  # pixels: of a button, of a line of text, and of the panel's title with its rim
 MESSAGE_LINES = 5
@@ -58,7 +60,8 @@ class SceneList:
         self.place, self.present, self._title_of = place, present, title_of
         self._titles: dict[Path, str] = {}
         self.rows: Sequence[ListRow] = ()
-        self.shown, self.marked, self.message = False, 0, ""
+        self.shown, self.message = False, ""
+        self._marks = MarkedRows()
         self._chosen: Path | None = None
 
     def toggle(self) -> None:
@@ -81,35 +84,33 @@ class SceneList:
         elif key == "Right":
             if self.rows and self.rows[self.marked].place is not None:
                 self._choose(self.marked)
-        elif self.rows:
-            self.marked = (self.marked + (1 if key == "Down" else -1)) % len(self.rows)
+        else:
+            self._marks.step(1 if key == "Down" else -1)
         return True
+
+    @property
+    def marked(self) -> int:
+        """The number of the marked row."""
+        return self._marks.marked
 
     def scroll(self, rows: int) -> None:
         """Move the mark by rows, not beyond the ends."""
-        self.marked = min(max(self.marked + rows, 0), max(len(self.rows) - 1, 0))
+        self._marks.scroll(rows)
 
     def take(self) -> Path | None:
         """The file that was chosen since the last call."""
         chosen, self._chosen = self._chosen, None
         return chosen
 
-    def row_count(self, height: int) -> int:
-        """The number of rows that fit into a window of this height in pixels."""
-        room = height - 16 - HEAD - LINE * TEXT_LINES
-        return max(1, min(len(self.rows), room // ROW))
+    def visible(self, height: int) -> range:
+        """The numbers of the rows that fit into a window of this height in pixels."""
+        return self._marks.visible((height - 16 - HEAD - LINE * TEXT_LINES) // ROW)
 
     def box(self, size: tuple[int, int]) -> Box:
         """Left, top, width and height of the panel as shares of the window, at its right rim."""
         width = min(7 * COLUMNS + 24, size[0] - 16)
-        height = ROW * self.row_count(size[1]) + LINE * TEXT_LINES + HEAD
+        height = ROW * len(self.visible(size[1])) + LINE * TEXT_LINES + HEAD
         return 1.0 - (width + 8) / size[0], 8 / size[1], width / size[0], height / size[1]
-
-    def visible(self, height: int) -> range:
-        """The numbers of the rows that are shown."""
-        count = self.row_count(height)
-        first = min(max(0, self.marked - count // 2), max(0, len(self.rows) - count))
-        return range(first, min(first + count, len(self.rows)))
 
     def draw(self, gui: ListGui, height: int) -> None:
         """Put the list into a window of GGUI."""
@@ -126,7 +127,7 @@ class SceneList:
         for line in textwrap.wrap(self.message, COLUMNS)[:MESSAGE_LINES]:
             gui.text(line)
         if clicked is not None:
-            self.marked = clicked
+            self._marks.marked = clicked
             self._choose(clicked)
 
     def _text(self, row: ListRow) -> str:
@@ -165,7 +166,7 @@ class SceneList:
             self.message = f"{place.name if place else ''}: cannot be read: {error.strerror or error}"
             return
         self.place, self.rows = place, rows
-        self.marked = next((number for number, row in enumerate(rows) if is_marked(row)), 0)
+        self._marks.begin(len(rows), next((number for number, row in enumerate(rows) if is_marked(row)), 0))
 
 
 def _ending(text: str) -> str:

@@ -24,6 +24,7 @@ from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import probe
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.legend import draw_legend, legend_lines
+from mpp_taichi.views.method_box import MethodBox
 from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.paper import GROUND, Mouse
@@ -105,7 +106,8 @@ class Window:
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
         self._scenes = SceneList(self._desk.place, self._desk.present, self._desk.title_of)
-        self._boxes = WindowBoxes(self._sliders, self._scenes)
+        self._method = MethodBox(self._desk.methods)
+        self._boxes = WindowBoxes(self._sliders, self._scenes, self._method)
         self._follower = Follower()
         self._film = WindowFilm(self._desk.film)
         self._message, self._message_end = "", 0.0
@@ -156,8 +158,8 @@ class Window:
                 self.glass.destroy()
 
     def _layout_of(self, frame: Frame, controls: Controls) -> Layout:
-        boxes = self._sliders.shown or self._scenes.shown or controls.help or not self._scene.has_film_look(frame)
-        return Layout.of(self.glass.size, boxes=boxes)
+        shown = (self._sliders.shown, self._scenes.shown, self._method.shown, controls.help)
+        return Layout.of(self.glass.size, boxes=any(shown) or not self._scene.has_film_look(frame))
 
     def _wait_for(self, title: str) -> None:
         """Show the title of a scene that is being compiled."""
@@ -183,18 +185,26 @@ class Window:
         size, part = self.glass.size, self._scene.part(self._layout.picture)
         aspect = self._scene.aspect(self._layout.picture)
         for key in [*self._boxes.keys, *keys]:
-            if not self._scenes.press(key):
+            if not self._scenes.press(key) and not self._method.press(key):
                 controls.press(key, shift=shift, camera=camera, frame=frame, aspect=aspect)
             if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
                 self._scenes.toggle()
+                self._method.shown = False
+            if controls.take("method"):
+                self._method.toggle()
+                self._scenes.shown = False
+        self._method.look()
         cursor = self.glass.cursor
         pixel = cursor[0] * size[0], (1.0 - cursor[1]) * size[1]
         self._mouse = Mouse(pixel, "LMB" in keys, "LMB" in held)
         controls.occupied = [part.box_of(area) for area in self._boxes.areas]
         away = any(area.holds(pixel) for area in self._boxes.areas)
         clicks = self.glass.take_wheel()
-        if away and self._scenes.shown:
-            self._scenes.scroll(-clicks)
+        if away:
+            if self._scenes.shown:
+                self._scenes.scroll(-clicks)
+            elif self._method.shown:
+                self._method.rows.scroll(-clicks)
         with seeing(camera, self._scene.film.factor(part.size)):
             shape = part.width / part.height
             controls.move(part.share(pixel), held, camera=camera, seconds=seconds, aspect=shape)
@@ -232,7 +242,7 @@ class Window:
         status = "finished" if finished else "running" if controls.running else "paused"
         told = scene.trails.message if controls.trails else ""
         line = f"{status}, {rate}   H: help" + ("   D: plain spheres" if picture is None else "")
-        self._put_boxes(frame, controls, [line, self._current_message() or told], picture is None)
+        self._put_boxes(frame, controls, [line, self._current_message() or told, self._method.told()], picture is None)
         if picture is None:
             self._boxes.draw(self.glass)
         else:
@@ -286,11 +296,15 @@ class Window:
             self._say(str(error))
 
     def _open_scene(self, controls: Controls) -> None:
-        """Hand the window on to the scene that was chosen from the list, if the scene can be opened."""
+        """Hand the window on to the scene or the integrator that was chosen from a list, if it can be begun."""
         if (file := self._scenes.take()) is not None:
             self._wait_for(self._desk.title_of(file) or file.name)
             self._scenes.message = self._desk.open(file)
             self.handed_on = controls.quit = not self._scenes.message
+        elif (method := self._method.take()) is not None and self._desk.methods is not None:
+            self._wait_for(self.title)
+            self._method.message = self._desk.methods.choose(*method)
+            self.handed_on = controls.quit = not self._method.message
 
     def _say(self, message: str) -> None:
         self._message, self._message_end = message, time.perf_counter() + MESSAGE_SECONDS

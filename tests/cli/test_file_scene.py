@@ -97,12 +97,11 @@ def test_an_opened_state_goes_on_bit_for_bit_and_so_does_its_log(capsys):
         simulation.set("forces.uniform_gravity.acceleration[1]", -1.0)
         written = load_scene("falling.yaml")
         request = Request(backend="cpu", window=True, quiet=True)
-        started = start_another(
-            Path("out/falling_0000.npz"), simulation.scene, written, device=simulation.device, request=request
-        )
+        found = scene_in(Path("out/falling_0000.npz"), simulation.scene, written)
+        started = start_another(found, device=simulation.device, request=request)
     with started.simulation as opened:
         assert (opened.time, opened.step_count) == (1.0, 8) and started.rewound.endswith("as the scene says")
-        goal = started.rewind.goal(Goal.of(opened.scene, None, None), opened, beyond=True)
+        goal = started.goal
         assert goal == Goal(2.0, None, False, 1.0, "out/falling_0000.npz")
         opened.run(until=1.5)
         np.testing.assert_array_equal(opened.snapshot().position, wanted)
@@ -118,7 +117,7 @@ def test_a_state_at_the_end_of_its_run_goes_on_without_an_end(capsys):
         simulation.run(until=2.0)
         simulation.checkpoint("out/falling_0000.npz")
         request = Request(backend="cpu", window=True, quiet=True)
-        scene = simulation.scene
-        started = start_another(Path("out/falling_0000.npz"), scene, scene, device=simulation.device, request=request)
-    with started.simulation as opened:
-        assert started.rewind.goal(Goal.of(opened.scene, None, None), opened, beyond=True).endless
+        found = scene_in(Path("out/falling_0000.npz"), simulation.scene)
+        started = start_another(found, device=simulation.device, request=request)
+    with started.simulation:
+        assert started.goal.endless and started.rewind is not None

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from test_window import CORNER, WINDOW, Session, changed, display
 
+from mpp_taichi import component
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._shelves import PROGRAM as OWN
 from mpp_taichi.cli._shelves import Folder
@@ -27,7 +28,7 @@ from mpp_taichi.cli.main import main
 from mpp_taichi.views.window import Window
 
 Window.__init__.__defaults__ = ((640, 360),)
-sys.exit(main(["run", "one.yaml", "--backend", "cpu", "--diagnostics", "one.csv"]))
+sys.exit(main(["run", "one.yaml", "--backend", "cpu", "--diagnostics", "one.csv", "--verbose"]))
 """
 GREEN, RED = (0.1, 0.9, 0.2), (0.9, 0.1, 0.1)
 
@@ -92,7 +93,7 @@ def test_a_list_is_walked_by_arrows_and_chosen_from_by_enter_or_a_click():
     assert not listed.press("space") and listed.press("Left") and listed.press("Right") and listed.take() is None
     hand = Hand()
     listed.draw(hand, 360)
-    count = listed.row_count(360)
+    count = len(listed.visible(360))
     assert len(hand.buttons) == count == (360 - 16 - HEAD - LINE * TEXT_LINES) // ROW
     assert "> scene_06.yaml" in hand.buttons and "  scene_05.yaml  (runs)" in hand.buttons
     for _ in range(7):
@@ -113,7 +114,7 @@ def test_a_list_shows_titles_and_scrolls_to_its_ends():
     listed = SceneList(Shelf("home"), Path("scene_00.yaml"), lambda file: f"Title – {file.name[6:8]}")
     listed.toggle()
     listed.draw(hand := Hand(), 360)
-    count = listed.row_count(360)
+    count = len(listed.visible(360))
     assert hand.buttons[0] == "> Title – 00   scene_00.yaml  (runs)" and hand.lines[1].startswith(f"1 to {count} of 40")
     listed.scroll(-3)
     assert listed.marked == 0
@@ -252,10 +253,19 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
             session.press(key)
         blue = np.array([-1, -1, 1])  # of more than both other colours together
         session.wait_for(lambda: (session.picture() @ blue > 20).sum() > 1000)
+        session.press("a")
+        for key in ("Down", "Left", "Return"):  # the integrator after this one, with half the step
+            session.press(key)
+        session.wait_for(lambda: session.complaints().count("compiling ball") == 2)
+        session.wait_for(lambda: (session.picture() @ blue > 20).sum() > 1000)
         session.press("Escape")
         assert session.end() == 0
         told = re.findall(r"^  scene   (\w+):", "\n".join(session.said()), re.M)
-        assert told == ["One", "Two", "ball"] and session.said().count("  status  ok") == 3
+        assert told == ["One", "Two", "ball", "ball"] and session.said().count("  status  ok") == 4
+        methods = re.findall(r"^  method  (\w+), dt ([^\s,]+)", "\n".join(session.said()), re.M)
+        names = component.names("integrators")
+        after = names[names.index(methods[2][0]) + 1]
+        assert methods[3] == (after, f"{0.5 * float(methods[2][1]):g}")
     finally:
         session.close()
 
