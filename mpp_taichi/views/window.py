@@ -20,6 +20,7 @@ from mpp_taichi.views.controls import BUTTONS, ZOOM_PER_CLICK, Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.film_look import seeing
+from mpp_taichi.views.flight import ARROWS, MODIFIERS, fly, is_flight, turn_to
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import probe
 from mpp_taichi.views.glass import Glass
@@ -40,7 +41,7 @@ from mpp_taichi.views.window_panels import WindowPanels
 from mpp_taichi.views.window_scene import WindowScene
 
 MESSAGE_SECONDS = 3.0
-HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
+HELD_KEYS = ("LMB", "MMB", "RMB", *MODIFIERS, *ARROWS, "i", "o")
 
 
 class Steerable(Protocol):
@@ -181,12 +182,13 @@ class Window:
         keys = self.glass.pressed()
         held = self.glass.held(HELD_KEYS)
         held |= BUTTONS & set(keys)  # a click may begin and end between two frames
-        shift = "Shift" in held or "Shift" in keys  # a key may go down and up between two frames
+        modifiers = {key for key in MODIFIERS if key in held or key in keys}  # a key may go down and up between two frames
         size, part = self.glass.size, self._scene.part(self._layout.picture)
         aspect = self._scene.aspect(self._layout.picture)
-        for key in [*self._boxes.keys, *keys]:
+        flown = {key for key in keys if is_flight(key, modifiers)}
+        for key in [*self._boxes.keys, *(key for key in keys if key not in flown)]:
             if not self._scenes.press(key) and not self._method.press(key):
-                controls.press(key, shift=shift, camera=camera, frame=frame, aspect=aspect)
+                controls.press(key, shift="Shift" in modifiers, camera=camera, frame=frame, aspect=aspect)
             if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
                 self._scenes.toggle()
                 self._method.shown = False
@@ -206,11 +208,17 @@ class Window:
             elif self._method.shown:
                 self._method.rows.scroll(-clicks)
         with seeing(camera, self._scene.film.factor(part.size)):
-            shape = part.width / part.height
-            controls.move(part.share(pixel), held, camera=camera, seconds=seconds, aspect=shape)
+            shape, share = part.width / part.height, part.share(pixel)
+            controls.move(share, held, camera=camera, seconds=seconds, aspect=shape)
+            fly(camera, held | flown | modifiers, seconds)
             camera.zoom(self._boxes.zoom * (1.0 if away else ZOOM_PER_CLICK**clicks))
+        if controls.take_click(turns=True) is not None:
+            found = self._scene.found(frame, camera, self._layout.picture, pixel)
+            with seeing(camera, self._scene.film.factor(part.size)):
+                aside = (share[0] - 0.5) * shape, share[1] - 0.5
+                turn_to(camera, *aside, None if found is None else frame.position[found])
         if controls.take_click() is not None:
-            self._scene.pick(frame, camera, self._layout.picture, pixel)
+            self._scene.picked.index = self._scene.found(frame, camera, self._layout.picture, pixel)
         if controls.take("follow"):
             self._say(self._follower.next(self._scene.picked.index))
         if controls.take("look"):

@@ -28,7 +28,7 @@ BUTTONS = (
 """Texts of buttons, and the keys that they stand for."""
 ZOOMS = (("\N{MINUS SIGN}", 0.8), ("+", 1.25))
 KEYS_WIDTH = 176  # pixels of the first column of the help
-HELP_WIDTH, HELP_LINE = 384, 17
+HELP_WIDTH, HELP_LINE, LEAST_LINE = 384, 17, 14
 STATUS_WIDTH, STATUS_TOP = 268, 54  # of a small window: below the caption of the picture
 SLIDERS_TOP = 133
 BUTTON_WIDTH, ZOOM_WIDTH = 62, 26
@@ -126,7 +126,7 @@ class WindowBoxes:
             self.moved = self.sliders.draw(paper)
         if with_help:
             paper.space(RIM)
-            _write_help(paper, self._look)
+            _write_help(paper, self._look, area.height)
 
     def _over_the_picture(
         self,
@@ -161,7 +161,7 @@ class WindowBoxes:
         elif with_help:
             high = min(HELP_LINE * len(HELP) + 16, size[1] - 2 * RIM)
             paper = self._paper("help", Area(size[0] - HELP_WIDTH - RIM, RIM, HELP_WIDTH, high), mouse)
-            _write_help(paper, self._look)
+            _write_help(paper, self._look, high)
 
     def _listed(self) -> SceneList | MethodBox | None:
         """The list that is shown."""
@@ -183,10 +183,13 @@ class WindowBoxes:
             layer.draw(glass.canvas, glass.size, (area.left, area.top), paper.picture(), paper.grounds())
 
 
-def _write_help(paper: Paper, look: str) -> None:
+def _write_help(paper: Paper, look: str, height: int) -> None:
+    """Write the help into the rest of a box of this height, with lines that are nearer together where there is little room."""
+    room = (height - paper.bottom) // len(HELP)
     for keys, does in HELP:
         told = f"look: {look}" if keys == LOOK_KEY else does
         paper.row((keys, told), (0, KEYS_WIDTH))
+        paper.space(min(max(room, LEAST_LINE), LINE) - LINE)
 
 
 def _area(box: tuple[float, float, float, float], size: tuple[int, int]) -> Area:

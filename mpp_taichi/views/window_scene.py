@@ -54,12 +54,12 @@ class WindowScene:
         width, height = self.film.film_size if self.film.factor(part.size) > 1.0 else part.size
         return width / height
 
-    def pick(self, frame: Frame, camera: Camera, area: Area, pixel: tuple[float, float]) -> None:
-        """Mark the particle at a pixel of the window, or none."""
+    def found(self, frame: Frame, camera: Camera, area: Area, pixel: tuple[float, float]) -> int | None:
+        """The particle at a pixel of the window, or None."""
         part = self.part(area)
         with seeing(camera, self.film.factor(part.size)):
             drawn = discs(frame, camera, self.spec, part.size)
-        self.picked.index = pick(drawn, part.share(pixel), part.size)
+        return pick(drawn, part.share(pixel), part.size)
 
     def draw(self, frame: Frame, camera: Camera, area: Area, *, trails: bool, marked: bool = True) -> np.ndarray | None:
         """The picture of the area, (height, width, 3); None where GGUI has drawn the scene on the canvas of the window."""

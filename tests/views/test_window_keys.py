@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from test_window import WINDOW, Session, display
+from test_window import CORNER, WINDOW, Session, display
 from test_window_desk import GRAB, PIXEL, pixels
 
 from mpp_taichi.views.controls import HELP, MANY_STEPS, ZOOM_PER_HEIGHT
@@ -160,6 +160,25 @@ def camera_keys(hand):
     hand.press("r")
     position, look_at, above, _ = hand.camera()
     assert (*position, *look_at, *above) == (0, 0, 8, 0, 0, 0, 0, 1, 0)
+    hand.press("alt", "Right", seconds=0.3)
+    hand.press("shift", "Up", seconds=0.3)
+    position, look_at, above, _ = hand.camera()
+    assert (position[:2] > 0.1).all() and (position - look_at)[2] == 8, "aside and up, with the same line of sight"
+    hand.press("r")
+    hand.press("ctrl", "shift", "Left", seconds=0.3)
+    position, look_at, above, _ = hand.camera()
+    assert above[0] < -0.05 and (*position, *look_at) == (0, 0, 8, 0, 0, 0), "rolled"
+    hand.press("r")
+    hand.tool("mousemove", CORNER[0] + WINDOW[0] // 2 + DRAGGED, CORNER[1] + WINDOW[1] // 2)
+    for action in ("keydown ctrl", "mousedown 1", "mouseup 1", "keyup ctrl"):
+        hand.tool(*action.split())
+        time.sleep(0.1)
+    position, look_at, above, _ = hand.camera()
+    aside = DRAGGED * PIXEL / np.hypot(8.0, DRAGGED * PIXEL)  # the sine of the angle
+    np.testing.assert_allclose((look_at - position)[0] / np.linalg.norm(look_at - position), aside, atol=2.5 * PIXEL / 8.0)
+    np.testing.assert_allclose(position, [0, 0, 8], atol=1e-4)
+    hand.press("r")
+    assert not hand.steps()[0], "no arrow with these keys is a step of the run"
 
 
 def drags(hand):
