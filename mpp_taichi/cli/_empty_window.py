@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WITHOUT_SCENE = (
     *("verb", "scene", "backend", "precision", "plan", "threads", "look", "force", "allow_inaccurate", "energy_balance"),
-    *("json", "quiet", "verbose", "fresh", "no_archive"),
+    *("json", "quiet", "verbose", "fresh", "no_archive", "fresh_window"),
 )
 """The options that hold for every scene which is opened in a window."""
 
@@ -63,7 +63,7 @@ def first_stage(request: Request) -> "Stage | None":
         from mpp_taichi.views.empty_window import EmptyWindow
 
         with DisplayLoss(lost) as loss:
-            window = EmptyWindow(Beginning(Path.cwd()), title_of, open_file, loss)
+            window = EmptyWindow(Beginning(Path.cwd()), title_of, open_file, loss, settings=request.settings)
             handed_on = window.run()
         return Stage(started[0], window.glass) if handed_on else None
     finally:

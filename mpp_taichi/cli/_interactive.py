@@ -18,6 +18,7 @@ from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.cli._start_simulation import Started
     from mpp_taichi.cli._window_desk import Starter
@@ -49,7 +50,7 @@ def show(
     start: "Starter | None" = None,
     glass: Any = None,
     lost: Callable[[str, Snapshot], int] = lambda display, state: BackendError.exit_code,
-    look: str = "auto",
+    request: "Request",
 ) -> "Stage | None":
     """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
@@ -71,10 +72,17 @@ def show(
     span = steps * frames * simulation.dt if goal.endless else goal.span(spec)
     steered.time_scale = TimeScale.of(spec.units, simulation.time + span)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
-        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss, "look": look}
+        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
+        words |= {"look": request.look, "settings": request.settings, "decided": _decided(spec)}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
         window.run(steered, steps_per_frame=steps)
     return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None
+
+
+def _decided(spec: SceneSpec) -> frozenset[str]:
+    """The settings of a window that a scene decides by itself."""
+    keys = (("view", "trails"), ("record", "panels"))
+    return frozenset(key for entry, key in keys if key in (spec.resolved.get(entry) or {}))
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:

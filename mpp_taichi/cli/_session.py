@@ -223,7 +223,7 @@ class _Run:
 
             looks = (self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
             another = partial(start_another, device=self.simulation.device, request=self.request)
-            self.next = show(*looks, start=another, glass=self.glass, lost=self._lose_display, look=self.request.look)
+            self.next = show(*looks, start=another, glass=self.glass, lost=self._lose_display, request=self.request)
         else:
             steps = (
                 self.goal.steps if self.went_on is None or self.goal.steps is None else self.goal.steps - self.went_on["step"]

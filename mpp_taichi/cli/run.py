@@ -8,9 +8,11 @@ the scene's duration it pauses.
 import argparse
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._kept_settings import FRESH, VARIABLE, kept_settings
 from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
 from mpp_taichi.views.looks import LOOKS, MOST_PARTICLES
 
@@ -29,9 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--look",
         choices=LOOKS,
-        default="auto",
         help="of the window: film, as a film shows the scene; plain, spheres and lines drawn by GGUI; auto: film up to "
         f"{MOST_PARTICLES:,} particles",
+    )
+    parser.add_argument(
+        "--fresh-window",
+        action="store_true",
+        help=f"neither use nor keep the settings of the window of the last run, as with {VARIABLE}={FRESH} in the environment",
     )
     _options.add_length(parser)
     _options.add_device(parser)
@@ -78,10 +84,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
-        request = request_of(arguments, spec)
-        outcome = run_scene(spec, request)
-        outcome.summary |= choice
-        outcome, earlier = _all_scenes(outcome, request, arguments)
+        with kept_settings(fresh=arguments.fresh_window) as settings:
+            request = replace(request_of(arguments, spec), settings=settings)
+            outcome = run_scene(spec, request)
+            outcome.summary |= choice
+            outcome, earlier = _all_scenes(outcome, request, arguments)
     return report(outcome, arguments, before=earlier)
 
 
@@ -106,8 +113,8 @@ def _begin_with_a_list(arguments: argparse.Namespace) -> int:
 
     require_no_more(arguments, "")
     require_no_more(arguments, no_window())
-    request = request_without_scene(arguments)
-    with output_reserved(arguments.json):
+    with output_reserved(arguments.json), kept_settings(fresh=arguments.fresh_window) as settings:
+        request = replace(request_without_scene(arguments), settings=settings)
         stage = first_stage(request)
         if stage is not None:
             from mpp_taichi.cli._session import run_stage

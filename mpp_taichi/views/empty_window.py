@@ -13,6 +13,7 @@ from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.paper import RIM, Mouse, Paper
 from mpp_taichi.views.scene_list import Place, SceneList
 from mpp_taichi.views.waiting import waiting_picture
+from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
 TITLE = "mpp_taichi"
 WIDTH, WORDS_WIDTH = 560, 120  # pixels: of the list, and of the keys beside it
@@ -40,8 +41,10 @@ class EmptyWindow:
         open: Callable[[Path], str],
         loss: DisplayLoss,
         size: tuple[int, int] = (1280, 720),
+        *,
+        settings: WindowSettings,
     ) -> None:
-        """Open the window; `ti.init` has been called.
+        """Open the window, with the size and the place of the settings; `ti.init` has been called.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -51,7 +54,8 @@ class EmptyWindow:
         self._title_of, self._open = title_of, open
         with loss.in_glass():
             loss.require_display()
-        self.glass = Glass(TITLE, size, loss.in_glass)
+        self.glass = Glass(TITLE, settings.size or size, loss.in_glass, settings.place)
+        self._kept = KeptChanges(settings, (), look_decided=False)
         self._list = SceneList(place, title_of=title_of)
         self._paper, self._words = Paper(), Paper()
         self._list.toggle()
@@ -94,3 +98,4 @@ class EmptyWindow:
             whole[:, column:] = self._words.picture()
         self.glass.put(whole)
         self.glass.show()
+        self._kept.see(WindowSettings(size=(width, height), place=self.glass.place))

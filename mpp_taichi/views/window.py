@@ -6,6 +6,7 @@ Linux without a display can have a display in memory: `xvfb-run python -m mpp_ta
 
 import sys
 import time
+from collections.abc import Container
 from contextlib import nullcontext
 from typing import Protocol
 
@@ -39,6 +40,7 @@ from mpp_taichi.views.window_film import WindowFilm
 from mpp_taichi.views.window_layout import Layout
 from mpp_taichi.views.window_panels import WindowPanels
 from mpp_taichi.views.window_scene import WindowScene
+from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
 MESSAGE_SECONDS = 3.0
 HELD_KEYS = ("LMB", "MMB", "RMB", *MODIFIERS, *ARROWS, "i", "o")
@@ -78,12 +80,16 @@ class Window:
         desk: Desk | None = None,
         glass: Glass | None = None,
         loss: DisplayLoss | None = None,
-        look: str = "auto",
+        look: str | None = None,
+        settings: WindowSettings | None = None,
+        decided: Container[str] = (),
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
         With the `glass` of another Window, the window keeps its place and its size. `loss` answers the loss of the display;
         without it the process ends as Xlib and Taichi end it. `look` is one of LOOKS.
+        What is left open (not `look`, and no setting among the `decided` ones) is taken from the `settings` of the last window,
+        which are given the changes that the user makes.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -92,18 +98,21 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
+        settings = settings or WindowSettings()
+        self._kept = KeptChanges(settings, decided, look_decided=look is not None)
         guard = nullcontext if loss is None else loss.in_glass
         if glass is None:
             if loss is not None:
                 with guard():
                     loss.require_display()
-            glass = Glass(title or "mpp_taichi", size, guard)
+            glass = Glass(title or "mpp_taichi", settings.size or size, guard, settings.place)
         glass.guard, glass.title = guard, title or glass.title
         self.glass = glass
         self.handed_on = False
         self._wait_for(title)
         self._panels = panels or WindowPanels((), RecordSpec(), str)
-        self._scene = WindowScene(glass, spec, dimensions, self._panels, look)
+        self._panels.begin(self._kept.begin("panels"))
+        self._scene = WindowScene(glass, spec, dimensions, self._panels, look or self._kept.begin("look") or "auto")
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
         self._scenes = SceneList(self._desk.place, self._desk.present, self._desk.title_of)
@@ -117,14 +126,15 @@ class Window:
 
     def run(self, simulation: Steerable, *, steps_per_frame: float = 1.0, paused: bool = False) -> None:
         """Drive the simulation until the window is closed: so many steps in a 60th of a second, fewer while steps are slow."""
-        controls = Controls(running=not paused, trails=self.spec.trails > 0)
+        trails = self._kept.begin("trails")
+        controls = Controls(running=not paused, trails=self.spec.trails > 0 if trails is None else trails)
         frame = self._look(simulation)
         self._layout = self._layout_of(frame, controls)
         aspect = self._scene.aspect(self._layout.picture)
         camera = Camera(self.spec.camera, frame, aspect=aspect, dimensions=self.dimensions)
         if self.dimensions == 2 and not camera.orthographic:
             camera.turn_projection()
-        pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
+        pace, rate, last = Pace(steps_per_frame, self._kept.begin("speed") or 0), Rate(), time.perf_counter()
         compiled = False  # the first picture is shown before the step is compiled
         try:
             while self.glass.running and not controls.quit:
@@ -152,11 +162,18 @@ class Window:
                 rate.count(steps, frame.time - before if steps else 0.0)
                 told = rate.text(pace, frame.units) if compiled or not going else WORD
                 self._show(frame, camera, controls, simulation.finished, told, passed)
+                self._kept.see(self._settings_now(frame, controls, pace))
                 compiled = True
         finally:
             self._film.end()
             if not self.handed_on:
                 self.glass.destroy()
+
+    def _settings_now(self, frame: Frame, controls: Controls, pace: Pace) -> WindowSettings:
+        panels = self._panels.shown if self._panels.plots else None
+        return WindowSettings(
+            self._scene.look_beside(frame), self.glass.size, self.glass.place, panels, controls.trails, pace.speed
+        )
 
     def _layout_of(self, frame: Frame, controls: Controls) -> Layout:
         shown = (self._sliders.shown, self._scenes.shown, self._method.shown, controls.help)

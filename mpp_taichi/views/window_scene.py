@@ -38,6 +38,11 @@ class WindowScene:
         """Whether a frame has the look of films."""
         return is_film(self.look, len(frame.position))
 
+    def look_beside(self, frame: Frame) -> str:
+        """The look, `auto` where it is the one that a frame has unasked."""
+        film = self.has_film_look(frame)
+        return "auto" if film == is_film("auto", len(frame.position)) else "film" if film else "plain"
+
     def toggle_look(self, frame: Frame) -> str:
         """Change to the other look; returns a line that names it."""
         self.look = "plain" if self.has_film_look(frame) else "film"

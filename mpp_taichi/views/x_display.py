@@ -53,6 +53,16 @@ class XDisplay:
                 self._wheel = XWheel.open(self._x11, self._display, self._root)
                 return
 
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """The upper left corner of the window on the screen, without its frame; None where there is no window."""
+        if self._window is None:
+            return None
+        x, y, child = ctypes.c_int(), ctypes.c_int(), ctypes.c_ulong()
+        places = (ctypes.byref(each) for each in (x, y, child))
+        found = self._x11.XTranslateCoordinates(self._display, self._window, self._root, 0, 0, *places)
+        return (x.value, y.value) if found else None
+
     def rename(self, title: str) -> None:
         """Give the window a title, where it has another one: GGUI puts the old one back once a second."""
         if self._window is None or self.title_of(self._window) == title:
@@ -154,6 +164,7 @@ def _declared(x11: ctypes.CDLL) -> ctypes.CDLL:
         "XGetWindowProperty": (whole, [pointer, window, atom, ctypes.c_long, ctypes.c_long, whole, atom, *5 * [pointer]]),
         "XQueryTree": (whole, [pointer, window, *4 * [pointer]]),
         "XQueryPointer": (whole, [pointer, window, *7 * [pointer]]),
+        "XTranslateCoordinates": (whole, [pointer, window, window, whole, whole, *3 * [pointer]]),
         "XQueryExtension": (whole, [pointer, ctypes.c_char_p, *3 * [pointer]]),
         "XSetErrorHandler": (pointer, [pointer]),
         "XPending": (whole, [pointer]),

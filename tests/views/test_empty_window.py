@@ -45,7 +45,7 @@ def test_a_scene_opens_from_a_window_that_has_none(display, tmp_path):
 class ClosedWindow:
     """Stands for a window in which a file with a fault is opened, and which is then closed."""
 
-    def __init__(self, place, title_of, open, loss):
+    def __init__(self, place, title_of, open, loss, *, settings):
         self.open, self.rows = open, place.rows()
 
     def run(self):

@@ -273,7 +273,8 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
 class LeavingWindow:
     """Stands for a window that is left for another scene, two.yaml, and closed there."""
 
-    def __init__(self, spec, *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None, look=""):
+    def __init__(self, spec, *, title="", dimensions=3, panels=None, desk=None, glass=None, settings=None, **more):
+        assert settings is not None and set(more) == {"loss", "look", "decided"}
         self.title, self.desk, self.glass, self.handed_on = title, desk, glass or object(), False
         self.windows.append(self)
 
