@@ -38,6 +38,7 @@ HELP = (
     ("S", "state to a file"),
     ("L", "log to a file"),
     ("K", "print the camera"),
+    ("W", "whole screen on, off"),
     ("H", "this help"),
     ("Q, Esc", "quit"),
 )
@@ -52,8 +53,8 @@ Box = tuple[float, float, float, float]
 
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
-    **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film", "a": "method"},
+    **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera", "v": "sliders", "s": "save", "l": "log"},
+    **{"Tab": "follow", "n": "scenes", "d": "look", "m": "film", "a": "method", "w": "whole_screen"},
 }
 
 
@@ -83,6 +84,7 @@ class Controls:
     scenes: bool = False
     look: bool = False
     method: bool = False
+    whole_screen: bool = False
     film: bool = False
     single_steps: int = 0
     steps_back: int = 0

@@ -32,6 +32,7 @@ class Glass:
     ) -> None:
         """Open the window, within the screen, with its upper left corner at `place`; `ti.init` has been called."""
         self.guard, self.title = guard, title
+        self.full = False  # screen
         self._x = XDisplay.open()
         self._pixels = np.zeros((0, 0), np.uint32)
         size, place = fitted(size, windows_screen() if self._x is None else self._x.screen, place or PLACE)
@@ -55,6 +56,14 @@ class Glass:
     def place(self) -> tuple[int, int] | None:
         """The upper left corner on the screen; None where it cannot be known."""
         return None if self._x is None else self._x.place
+
+    def toggle_full_screen(self) -> str:
+        """Fill the screen, or go back to the size before; returns a line where this is not possible."""
+        if self._x is None or not self._x.offers_full_screen():
+            return "full screen needs the window manager of an X display, which is not there"
+        self.full = not self.full
+        self._x.ask_full_screen(self.full)
+        return ""
 
     @property
     def canvas(self) -> "ti.ui.Canvas":

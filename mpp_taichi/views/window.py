@@ -238,6 +238,8 @@ class Window:
             self._scene.picked.index = self._scene.found(frame, camera, self._layout.picture, pixel)
         if controls.take("follow"):
             self._say(self._follower.next(self._scene.picked.index))
+        if controls.take("whole_screen"):
+            self._say(self.glass.toggle_full_screen())
         if controls.take("look"):
             self._say(self._scene.toggle_look(frame))
 

@@ -1,7 +1,7 @@
 """The settings of a window that are kept from one run to the next."""
 
 from collections.abc import Container
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from mpp_taichi.views.looks import LOOKS
@@ -73,13 +73,12 @@ class KeptChanges:
         return None if name in self._decided else getattr(self._settings, name)
 
     def see(self, now: WindowSettings) -> None:
-        """Take every setting that has changed since the last call."""
-        before, self._seen = self._seen, now
-        for each in fields(now):
-            value = getattr(now, each.name)
-            changed = before is not None and value is not None and value != getattr(before, each.name)
-            if changed and each.name not in self._decided:
-                setattr(self._settings, each.name, value)
+        """Take every setting that has changed since the last call in which it was not None."""
+        before = self._seen
+        self._seen = replace(before or now, **{key: value for key, value in vars(now).items() if value is not None})
+        for key, value in vars(now).items():
+            if before is not None and value is not None and value != getattr(before, key) and key not in self._decided:
+                setattr(self._settings, key, value)
 
 
 def _is_whole(value: Any, least: int, most: int) -> bool:

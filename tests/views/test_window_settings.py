@@ -1,20 +1,22 @@
 """The settings of a window that are kept from run to run: where, what is taken of them, and what becomes of a broken file."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from test_window import Session, display
+from test_window import SCREEN, Session, display
 from test_window_scenes import GREEN, scene
+from window_manager import WindowManager
 
 from mpp_taichi.cli import _kept_settings
 from mpp_taichi.cli._interactive import _decided
 from mpp_taichi.cli._kept_settings import FRESH, VARIABLE, kept_settings, settings_file
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
 __all__ = ["display"]  # a fixture
@@ -142,8 +144,8 @@ def test_only_what_is_left_open_is_taken_and_only_changes_are_kept():
     assert settings == WindowSettings("plain", (640, 400), None, True, True, 1), "trails and look are decided, and stay"
     settings = WindowSettings()
     kept = KeptChanges(settings, (), look_decided=False)
-    for _ in range(2):
-        kept.see(WHOLE)
+    for now in (WHOLE, replace(WHOLE, size=None, place=None), WHOLE):  # full screen, for a while
+        kept.see(now)
     assert settings == WindowSettings(), "nothing was changed"
 
 
@@ -161,6 +163,42 @@ def test_a_run_without_a_window_leaves_the_file_alone(file, tmp_path, monkeypatc
     assert main(["run", "one.yaml", "--headless", "--steps", "1", "--backend", "cpu", "--quiet"]) == 0
 
 
+def test_full_screen_is_refused_in_words_where_there_is_no_x_display():
+    glass = object.__new__(Glass)
+    glass._x, glass.full = None, False
+    assert "window manager of an X display" in glass.toggle_full_screen() and not glass.full
+
+
+def geometry(session):
+    """Left, top, width and height of the window."""
+    words = session.tool("getwindowgeometry", "--shell", session.window)
+    places = dict(line.split("=") for line in words.split())
+    return tuple(int(places[key]) for key in ("X", "Y", "WIDTH", "HEIGHT"))
+
+
+def full_screen(display, session):
+    """W fills the screen and gives the old size back, where a window manager can do this; the size is not kept."""
+    place, window = geometry(session), int(session.window)
+    for supports in (False, True):
+        manager = WindowManager(display, supports=supports)
+        try:
+            if not supports:
+                session.press("w")
+                assert geometry(session) == place
+                continue
+            session.press("w")
+            assert manager.answer(window, (0, 0, *SCREEN), place)
+            session.wait_for(lambda: geometry(session) == (0, 0, *SCREEN))
+            session.wait_for(lambda: session.whole()[SCREEN[1] - 2, SCREEN[0] - 2].any(), 10)  # the picture fills the screen
+            session.press("w")
+            assert not manager.answer(window, (0, 0, *SCREEN), place)
+            session.wait_for(lambda: geometry(session) == place)
+        finally:
+            manager.close()
+    session.press("w")  # the window manager has gone
+    assert geometry(session) == place
+
+
 @pytest.mark.timeout(120)
 def test_a_window_opens_as_the_last_one_was_left(display, tmp_path):
     """It has the place of the file, and leaves its own place, look and pace behind; trails stay as they are."""
@@ -171,12 +209,13 @@ def test_a_window_opens_as_the_last_one_was_left(display, tmp_path):
     session = Session(display, tmp_path, program=PROGRAM, title="One")
     try:
         session.wait_for(lambda: (session.picture() @ np.array([-1, 1, -1]) > 20).sum() > 1000)  # the green sphere
-        words = session.tool("getwindowgeometry", "--shell", session.window)
-        places = dict(line.split("=") for line in words.split())
-        assert [int(places[key]) for key in ("X", "Y", "WIDTH", "HEIGHT")] == [60, 70, 640, 360]
+        assert geometry(session) == (60, 70, 640, 360)
         for key in ("d", "Up"):
             session.press(key)
         session.tool("windowmove", session.window, 20, 30)
+        session.press("w")  # there is no window manager, so this has no effect
+        assert geometry(session)[2:] == (640, 360)
+        full_screen(display, session)
         session.press("q")
         assert session.end() == 0
     finally:
