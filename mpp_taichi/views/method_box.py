@@ -68,6 +68,10 @@ class MethodBox:
             self.message = ""
         return True
 
+    def scroll(self, rows: int) -> None:
+        """Move the mark by rows, not beyond the ends."""
+        self.rows.scroll(rows)
+
     def look(self) -> None:
         """Find out of one more integrator whether it can run the scene: each frame of the window has time for one of them.
 

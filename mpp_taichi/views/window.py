@@ -17,11 +17,9 @@ from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
-from mpp_taichi.views.controls import BUTTONS, ZOOM_PER_CLICK, Controls
+from mpp_taichi.views.controls import Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
-from mpp_taichi.views.film_look import seeing
-from mpp_taichi.views.flight import ARROWS, MODIFIERS, fly, is_flight, turn_to
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import probe
 from mpp_taichi.views.glass import Glass
@@ -37,13 +35,13 @@ from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.waiting import WORD, waiting_picture
 from mpp_taichi.views.window_boxes import WindowBoxes
 from mpp_taichi.views.window_film import WindowFilm
+from mpp_taichi.views.window_input import WindowInput
 from mpp_taichi.views.window_layout import Layout
 from mpp_taichi.views.window_panels import WindowPanels
 from mpp_taichi.views.window_scene import WindowScene
 from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
 MESSAGE_SECONDS = 3.0
-HELD_KEYS = ("LMB", "MMB", "RMB", *MODIFIERS, *ARROWS, "i", "o")
 
 
 class Steerable(Protocol):
@@ -118,6 +116,7 @@ class Window:
         self._scenes = SceneList(self._desk.place, self._desk.present, self._desk.title_of)
         self._method = MethodBox(self._desk.methods)
         self._boxes = WindowBoxes(self._sliders, self._scenes, self._method)
+        self._input = WindowInput(glass, self._scene, self._boxes)
         self._follower = Follower()
         self._film = WindowFilm(self._desk.film)
         self._message, self._message_end = "", 0.0
@@ -196,46 +195,7 @@ class Window:
         return self._scene.appearance.dress(self._bare)
 
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
-        keys = self.glass.pressed()
-        held = self.glass.held(HELD_KEYS)
-        held |= BUTTONS & set(keys)  # a click may begin and end between two frames
-        modifiers = {key for key in MODIFIERS if key in held or key in keys}  # a key may go down and up between two frames
-        size, part = self.glass.size, self._scene.part(self._layout.picture)
-        aspect = self._scene.aspect(self._layout.picture)
-        flown = {key for key in keys if is_flight(key, modifiers)}
-        for key in [*self._boxes.keys, *(key for key in keys if key not in flown)]:
-            if not self._scenes.press(key) and not self._method.press(key):
-                controls.press(key, shift="Shift" in modifiers, camera=camera, frame=frame, aspect=aspect)
-            if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
-                self._scenes.toggle()
-                self._method.shown = False
-            if controls.take("method"):
-                self._method.toggle()
-                self._scenes.shown = False
-        self._method.look()
-        cursor = self.glass.cursor
-        pixel = cursor[0] * size[0], (1.0 - cursor[1]) * size[1]
-        self._mouse = Mouse(pixel, "LMB" in keys, "LMB" in held)
-        controls.occupied = [part.box_of(area) for area in self._boxes.areas]
-        away = any(area.holds(pixel) for area in self._boxes.areas)
-        clicks = self.glass.take_wheel()
-        if away:
-            if self._scenes.shown:
-                self._scenes.scroll(-clicks)
-            elif self._method.shown:
-                self._method.rows.scroll(-clicks)
-        with seeing(camera, self._scene.film.factor(part.size)):
-            shape, share = part.width / part.height, part.share(pixel)
-            controls.move(share, held, camera=camera, seconds=seconds, aspect=shape)
-            fly(camera, held | flown | modifiers, seconds)
-            camera.zoom(self._boxes.zoom * (1.0 if away else ZOOM_PER_CLICK**clicks))
-        if controls.take_click(turns=True) is not None:
-            found = self._scene.found(frame, camera, self._layout.picture, pixel)
-            with seeing(camera, self._scene.film.factor(part.size)):
-                aside = (share[0] - 0.5) * shape, share[1] - 0.5
-                turn_to(camera, *aside, None if found is None else frame.position[found])
-        if controls.take_click() is not None:
-            self._scene.picked.index = self._scene.found(frame, camera, self._layout.picture, pixel)
+        self._mouse = self._input.read(controls, camera, frame, self._layout.picture, seconds)
         if controls.take("follow"):
             self._say(self._follower.next(self._scene.picked.index))
         if controls.take("whole_screen"):

@@ -163,6 +163,11 @@ class WindowBoxes:
             paper = self._paper("help", Area(size[0] - HELP_WIDTH - RIM, RIM, HELP_WIDTH, high), mouse)
             _write_help(paper, self._look, high)
 
+    def scroll(self, rows: int) -> None:
+        """Move the mark of the list that is shown."""
+        if (listed := self._listed()) is not None:
+            listed.scroll(rows)
+
     def _listed(self) -> SceneList | MethodBox | None:
         """The list that is shown."""
         return self.scenes if self.scenes.shown else self.method if self.method.shown else None
