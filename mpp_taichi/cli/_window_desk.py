@@ -82,7 +82,7 @@ class SessionDesk:
             assert value is not None  # a slider has a value
             return value
 
-        return Knob(slider.path, slider.label, slider.low, slider.high, slider.logarithmic, read)
+        return Knob(slider.path, slider.label, slider.low, slider.high, slider.logarithmic, read, slider.keys)
 
     def move(self, moved: Mapping[str, float]) -> str:
         """Set parameters; returns a message with the reason where this is not possible."""

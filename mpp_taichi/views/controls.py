@@ -14,6 +14,7 @@ HELP = (
     ("up, down arrow", "faster, slower"),
     ("Backspace", "back to the start"),
     ("V", "sliders on, off"),
+    ("letters beside a slider", "steer"),
     ("left drag", "rotate"),
     ("right drag, Shift+left", "pan"),
     ("wheel, I, O, Ctrl+left drag", "zoom"),

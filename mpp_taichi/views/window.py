@@ -235,7 +235,8 @@ class Window:
         else:
             self.glass.put(self._composed(picture))
         self.glass.show()
-        if self._boxes.moved and (message := self._desk.move(self._boxes.moved)):
+        moved = self._input.moved | self._boxes.moved
+        if moved and (message := self._desk.move(moved)):
             self._say(message)
         self._open_scene(controls)
 

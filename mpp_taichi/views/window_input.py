@@ -7,6 +7,7 @@ from mpp_taichi.views.film_look import seeing
 from mpp_taichi.views.flight import ARROWS, MODIFIERS, fly, is_flight, turn_to
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.paper import Mouse
+from mpp_taichi.views.steering import Steering
 from mpp_taichi.views.window_boxes import WindowBoxes
 from mpp_taichi.views.window_layout import Area
 from mpp_taichi.views.window_scene import WindowScene
@@ -20,11 +21,15 @@ class WindowInput:
     def __init__(self, glass: Glass, scene: WindowScene, boxes: WindowBoxes) -> None:
         """Nothing has been pressed yet."""
         self._glass, self._scene, self._boxes = glass, scene, boxes
+        self._steering = Steering(boxes.sliders.knobs)
+        self.moved: dict[str, float] = {}  # parameters, by keys
 
     def read(self, controls: Controls, camera: Camera, frame: Frame, picture: Area, seconds: float) -> Mouse:
         """Take the input since the last call, `seconds` ago, where the picture lies in an area; returns the mouse."""
         keys = self._glass.pressed()
-        held = self._glass.held(HELD_KEYS)
+        held = self._glass.held((*HELD_KEYS, *self._steering.keys))
+        self.moved = self._steering.moves({*held, *keys})
+        held, keys = held - set(self._steering.keys), [key for key in keys if key not in self._steering.keys]
         held |= BUTTONS & set(keys)  # a click may begin and end between two frames
         modifiers = {key for key in MODIFIERS if key in held or key in keys}  # and so may a key
         flown = {key for key in keys if is_flight(key, modifiers)}

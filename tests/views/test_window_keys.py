@@ -27,7 +27,7 @@ forces: [{uniform_gravity: {acceleration: [0, 0, 0]}}]
 integrator: {leapfrog: {dt: 0.01}}
 run: {duration: 1000}
 view: {camera: {position: [0, 0, 8], look_at: [0, 0, 0], up: [0, 1, 0]}}
-sliders: [{set: 'forces.uniform_gravity.acceleration[1]', from: -2, to: 0, label: g}]
+sliders: [{set: 'forces.uniform_gravity.acceleration[1]', from: -2, to: 0, label: g, keys: [b, m]}]
 """
 PROGRAM = """
 from mpp_taichi import Simulation
@@ -118,6 +118,7 @@ def test_every_other_key_does_what_the_help_says(display, tmp_path):
         drags(hand)
         pace_and_the_way_back(hand)
         following_the_center(hand)
+        steering(hand)
         assert pixels(hand.picture()[:, :300], GRAB)[2] > 50, "a slider is there"
         hand.press("v")
         hand.wait_for(lambda: pixels(hand.picture()[:, :300], GRAB)[2] == 0)
@@ -234,6 +235,19 @@ def following_the_center(hand):
     hand.wait_for(lambda: hand.steps()[0][-1] == start + MANY_STEPS + 1)
     np.testing.assert_allclose(hand.camera()[1], there, atol=1e-9)
     hand.press("r")
+
+
+def steering(hand):
+    """A letter that is held moves its slider to an end, and the log has the move."""
+    before = hand.steps()[0][-1]
+    hand.tool("keydown", "b")
+    time.sleep(0.3)
+    hand.press("Right")
+    hand.press("l")
+    hand.tool("keyup", "b")
+    (path,) = hand.wait_for(lambda: list(hand.folder.glob("out/scene_log_*.yaml")))
+    (move,) = yaml.safe_load(path.read_text(encoding="utf-8"))["timeline"]
+    assert move == {"at": pytest.approx(0.01 * before), "set": {"forces.uniform_gravity.acceleration[1]": -2.0}}
 
 
 def test_the_page_of_the_window_tells_every_key_of_the_help():
