@@ -84,8 +84,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
-        with kept_settings(fresh=arguments.fresh_window) as settings:
-            request = replace(request_of(arguments, spec), settings=settings)
+        request = request_of(arguments, spec)
+        with kept_settings(fresh=arguments.fresh_window or not request.window) as settings:
+            request = replace(request, settings=settings)
             outcome = run_scene(spec, request)
             outcome.summary |= choice
             outcome, earlier = _all_scenes(outcome, request, arguments)

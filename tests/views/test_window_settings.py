@@ -135,13 +135,13 @@ def test_a_folder_that_cannot_be_written_is_told_and_is_no_error(file, capsys):
 
 
 def test_only_what_is_left_open_is_taken_and_only_changes_are_kept():
-    settings = WindowSettings(look="plain", panels=False, trails=True, speed=1)
+    settings = WindowSettings(look="auto", panels=False, trails=False, speed=1)
     kept = KeptChanges(settings, {"trails"}, look_decided=True)
     begin = {name: kept.begin(name) for name in asdict(settings)}
     assert begin == {"look": None, "size": None, "place": None, "panels": False, "trails": None, "speed": 1}
     kept.see(WindowSettings("film", (640, 360), (1, 2), False, False, 1))
     kept.see(WindowSettings("plain", (640, 400), None, True, True, 1))
-    assert settings == WindowSettings("plain", (640, 400), None, True, True, 1), "trails and look are decided, and stay"
+    assert settings == WindowSettings("auto", (640, 400), None, True, False, 1), "trails and look are decided, and stay"
     settings = WindowSettings()
     kept = KeptChanges(settings, (), look_decided=False)
     for now in (WHOLE, replace(WHOLE, size=None, place=None), WHOLE):  # full screen, for a while
@@ -156,11 +156,14 @@ def test_a_scene_that_names_trails_or_panels_decides_them():
     assert _decided(load_scene(plain | own)) == {"trails", "panels"}
 
 
-def test_a_run_without_a_window_leaves_the_file_alone(file, tmp_path, monkeypatch):
+def test_a_run_without_a_window_leaves_the_file_alone(file, tmp_path, monkeypatch, capsys):
+    file.parent.mkdir(parents=True)
+    file.write_text("broken", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(_kept_settings, "_write", lambda *_: pytest.fail("written"))
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(scene("One", GREEN), sort_keys=False), encoding="utf-8")
     assert main(["run", "one.yaml", "--headless", "--steps", "1", "--backend", "cpu", "--quiet"]) == 0
+    assert "window" not in capsys.readouterr().err
 
 
 def test_full_screen_is_refused_in_words_where_there_is_no_x_display():
