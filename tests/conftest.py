@@ -19,6 +19,7 @@ HERE = Path(__file__).parent
 # Tests find the modules of tests/support, and each other, from every folder.
 sys.path[:0] = [str(HERE), *(str(folder) for folder in sorted(HERE.iterdir()) if folder.is_dir())]
 ROOT = Path(__file__).parents[1]
+os.environ["MPP_TAICHI_WINDOW"] = "fresh"  # no test reads or writes the settings of the user's own windows
 
 
 @pytest.fixture(autouse=True)

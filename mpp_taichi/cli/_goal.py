@@ -21,6 +21,7 @@ class Goal:
     steps: int | None
     whole: bool  # the full duration of the scene, for which its expectations hold
     begin: float = 0.0  # time at which the run starts
+    state: str = ""  # file of the state or the archive with which the run starts; empty for the start of the scene
 
     @staticmethod
     def of(spec: SceneSpec, until: float | None, steps: int | None) -> "Goal":

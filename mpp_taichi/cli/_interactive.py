@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._options import output_stem
@@ -19,7 +18,10 @@ from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.cli._start_simulation import Started
+    from mpp_taichi.cli._window_desk import Starter
     from mpp_taichi.recorders.inspection import InspectionRecorder
     from mpp_taichi.simulation.history import History
     from mpp_taichi.simulation.simulation import Simulation
@@ -30,9 +32,9 @@ EXPORTED = (".csv", ".svg")
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A simulation and a window of GGUI, handed from one scene to the next scene opened in the same window."""
+    """A started simulation and a window of GGUI, handed from one scene to the next scene opened in the same window."""
 
-    simulation: "Simulation"
+    started: "Started"
     glass: Any
 
 
@@ -45,14 +47,14 @@ def show(
     caption: Callable[[], str],
     inspection: "InspectionRecorder | None" = None,
     *,
-    start: "Callable[[Path], Simulation] | None" = None,
+    start: "Starter | None" = None,
     glass: Any = None,
     lost: Callable[[str, Snapshot], int] = lambda display, state: BackendError.exit_code,
-    look: str = "auto",
+    request: "Request",
 ) -> "Stage | None":
     """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
-    The window shows the scene's duration in the time that its film would take. `start` makes the simulation of another scene.
+    The window shows the scene's duration in the time that its film would take. `start` makes the simulation of another file.
     Where the display goes away, `lost` is given its name and the last state, and the process ends with the code it returns.
     """
     from mpp_taichi.views.display_loss import DisplayLoss
@@ -70,10 +72,17 @@ def show(
     span = steps * frames * simulation.dt if goal.endless else goal.span(spec)
     steered.time_scale = TimeScale.of(spec.units, simulation.time + span)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
-        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss, "look": look}
+        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
+        words |= {"look": request.look, "settings": request.settings, "decided": _decided(spec)}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
         window.run(steered, steps_per_frame=steps)
     return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None
+
+
+def _decided(spec: SceneSpec) -> frozenset[str]:
+    """The settings of a window that a scene decides by itself."""
+    keys = (("view", "trails"), ("record", "panels"))
+    return frozenset(key for entry, key in keys if key in (spec.resolved.get(entry) or {}))
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:

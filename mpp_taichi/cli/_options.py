@@ -4,7 +4,7 @@ import argparse
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
@@ -18,9 +18,12 @@ LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
 
 
-def add_scene(parser: argparse.ArgumentParser) -> None:
-    """SCENE and --set."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML), or the name of a scene of the program")
+def add_scene(parser: argparse.ArgumentParser, *, or_list: bool = False) -> None:
+    """SCENE and --set; with `or_list` the scene may be absent."""
+    told = "a scene file (YAML), or the name of a scene of the program"
+    more: dict[str, Any] = {"nargs": "?"} if or_list else {}
+    told += "; absent: a window with a list of scenes" if or_list else ""
+    parser.add_argument("scene", metavar="SCENE", help=told, **more)
     parser.add_argument(
         "--set",
         dest="overrides",

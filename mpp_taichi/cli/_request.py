@@ -1,7 +1,7 @@
 """Request: the options of a run beside the scene itself, checked before anything is computed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.views.window_settings import WindowSettings
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
@@ -56,7 +57,8 @@ class Request:
     allow_inaccurate: bool = False
     energy_balance: bool = False
     window: bool = False
-    look: str = "auto"
+    look: str | None = None
+    settings: WindowSettings = field(default_factory=WindowSettings)
     force: bool = False
     rewind: "Rewind | Excerpt | None" = None
     start_digest: str = ""
@@ -80,8 +82,11 @@ class Request:
         count = round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
         return max(2, count) if self.still is not None and count > 0 else count
 
-    def for_another_scene(self) -> "Request":
-        """The part of the request that holds for a scene opened in its window: how to run, without any file."""
+    def for_another_scene(self, rewind: "Rewind | None" = None) -> "Request":
+        """The part of the request that holds for a scene opened in its window: how to run, without any file.
+
+        `rewind` is the state from which that scene goes on.
+        """
         kept = (
             "backend",
             "precision",
@@ -92,9 +97,10 @@ class Request:
             "energy_balance",
             "window",
             "look",
+            "settings",
             "force",
         )
-        return Request(**{name: getattr(self, name) for name in (*kept, "window", "look", "force")})
+        return Request(**{name: getattr(self, name) for name in kept}, rewind=rewind)
 
     def check(self) -> None:
         """Refuse files that cannot be written, before anything is computed.

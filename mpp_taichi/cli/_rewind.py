@@ -132,24 +132,28 @@ class Rewind:
             simulation.dt *= 0.5
         return f"{self.file}, t = {self.time:.9g}, on with dt {simulation.dt:.6g}: {reason}"
 
-    def goal(self, goal: Goal, simulation: "Simulation") -> Goal:
+    def goal(self, goal: Goal, simulation: "Simulation", *, beyond: bool = False) -> Goal:
         """The rest of the run: to the end of the original run, or for the number of steps asked for.
+
+        With `beyond`, a state at the end goes on without an end.
 
         Raises:
             UsageError: the state is already at the end.
         """
         begin = simulation.time
         if goal.endless:
-            return Goal(None, None, False, begin)
+            return Goal(None, None, False, begin, str(self.file))
         end = goal.until
         if end is None and goal.whole:
             end = self._end_of_scene(simulation, (goal.steps or 0) - self.step)
         elif end is None:
             end = begin + (goal.steps or 0) * simulation.dt
         if end <= begin * (1.0 + 1e-12):
+            if beyond:
+                return Goal(None, None, False, begin, str(self.file))
             now, last = told_apart(begin, end, digits=9)
             raise UsageError(f"--rewind {self.file}: its time {now} is not before the end of the run, {last}")
-        return Goal(end, None, False, begin)
+        return Goal(end, None, False, begin, str(self.file))
 
     def _end_of_scene(self, simulation: "Simulation", left: int) -> float:
         """The time at which the run that left the state would have ended, with `left` more steps."""

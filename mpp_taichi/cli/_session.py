@@ -63,7 +63,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     request.check()
     if request.inspect and not spec.inspect and request.beside is None:
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
-    goal = Goal.of(spec, request.until, request.steps)
+    goal = Goal.of(spec, request.until, request.steps) if stage is None else stage.started.goal
     goal.check(spec, may_be_endless=request.window)
     check_amounts(spec, request, goal)
     with ExitStack() as stack:
@@ -76,11 +76,13 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         right = None
         if request.beside is not None:
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
-        simulation = stack.enter_context(start(spec, request) if stage is None else stage.simulation)
+        simulation = stack.enter_context(start(spec, request) if stage is None else stage.started.simulation)
         if right is not None:
             right.begin(simulation)
-        rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
-        goal = goal if request.rewind is None else request.rewind.goal(goal, simulation)
+        rewound = "" if stage is None else stage.started.rewound
+        if stage is None and request.rewind is not None:
+            rewound = request.rewind.choose_step(simulation)
+            goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
         validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None and request.is_new else Validity()
@@ -88,6 +90,11 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         run.glass = None if stage is None else stage.glass
         with carrying(passport_facts(spec, simulation)):
             return run.go(interruption, sinks, trajectory)
+
+
+def run_stage(stage: "Stage", request: Request) -> Outcome:
+    """Run a scene that was opened in a window, with the options that hold for every scene."""
+    return run_scene(stage.started.simulation.scene, request.for_another_scene(stage.started.rewind), stage)
 
 
 class _Run:
@@ -219,7 +226,7 @@ class _Run:
 
             looks = (self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
             another = partial(start_another, device=self.simulation.device, request=self.request)
-            self.next = show(*looks, start=another, glass=self.glass, lost=self._lose_display, look=self.request.look)
+            self.next = show(*looks, start=another, glass=self.glass, lost=self._lose_display, request=self.request)
         else:
             steps = (
                 self.goal.steps if self.went_on is None or self.goal.steps is None else self.goal.steps - self.went_on["step"]

@@ -1,19 +1,33 @@
 """Start the simulation of a session: from a scene, from the state of an earlier run, or in the window of another scene."""
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.cli._file_scene import FileScene
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._request import Request
+from mpp_taichi.cli._rewind import Rewind
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import MppError, StateError
-from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
     from mpp_taichi.device.backends import Device
     from mpp_taichi.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class Started:
+    """The simulation of another scene that was opened in a window, and the length of its run.
+
+    Of a saved state also the rewind with which it goes on, and a line with its step.
+    """
+
+    simulation: "Simulation"
+    goal: Goal
+    rewind: Rewind | None = None
+    rewound: str = ""
 
 
 def start(spec: SceneSpec, request: Request) -> "Simulation":
@@ -45,26 +59,32 @@ def _checked(simulation: "Simulation", request: Request) -> "Simulation":
     return simulation
 
 
-def start_another(file: Path, *, device: "Device", request: Request) -> "Simulation":
-    """Start the simulation of another scene on the device of the present simulation; its steps are checked.
+def start_another(found: FileScene, *, device: "Device", request: Request, goal: Goal | None = None) -> Started:
+    """Start the simulation of another scene on the device of the window; its steps are checked.
+
+    `goal` is the length of its run, by default that of the scene.
 
     Raises:
         MppError: the scene cannot be run.
     """
     from mpp_taichi.simulation.simulation import Simulation
 
-    spec = load_scene(file)
-    goal = Goal.of(spec, None, None)
-    goal.check(spec, may_be_endless=True)
+    rewind = None if found.state is None else Rewind(found.state, found.state_file, step_is_given=False)
+    length = goal or Goal.of(found.spec, None, None)
+    length.check(found.spec, may_be_endless=True)
     where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
-    _tell(spec, request)
-    simulation = Simulation(spec, **where, plan=request.plan, force=request.force)
+    _tell(found.spec, request)
+    simulation = Simulation(found.spec, **where, plan=request.plan, force=request.force, start=found.state)
+    rewound = ""
     try:
-        check_steps(simulation, goal, force=request.force)
+        if rewind is not None:
+            rewound = rewind.choose_step(simulation)
+            length = goal or rewind.goal(length, simulation, beyond=True)
+        check_steps(simulation, length, force=request.force)
     except MppError:
         simulation.close()
         raise
-    return simulation
+    return Started(simulation, length, rewind, rewound)
 
 
 def _tell(spec: SceneSpec, request: Request) -> None:

@@ -74,6 +74,7 @@ DESCRIPTION = """Scenes of particles, compiled to just the physics they name. `m
 
 To begin with:
   mpp-taichi ring                     run a scene of the program; without a display it writes a film
+  mpp-taichi run                      a window with a list of scenes
   mpp-taichi scenes                   list the scenes of the program
   mpp-taichi new my.yaml              begin a scene of your own"""
 

@@ -1,4 +1,4 @@
-"""Run a scene: in a window where there is a display, else into a film.
+"""Run a scene: in a window where there is a display, else into a film. Without a scene, a window lists the scenes.
 
 With --headless nothing is shown, and only the requested files are written. With --video the run becomes a film. Where no window
 can open, the run becomes the film out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of
@@ -8,10 +8,12 @@ the scene's duration it pauses.
 import argparse
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, say
+from mpp_taichi.cli._kept_settings import FRESH, VARIABLE, kept_settings
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
 from mpp_taichi.views.looks import LOOKS, MOST_PARTICLES
 
 if TYPE_CHECKING:
@@ -22,16 +24,20 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    _options.add_scene(parser)
+    _options.add_scene(parser, or_list=True)
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
     parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")
     parser.add_argument(
         "--look",
         choices=LOOKS,
-        default="auto",
         help="of the window: film, as a film shows the scene; plain, spheres and lines drawn by GGUI; auto: film up to "
         f"{MOST_PARTICLES:,} particles",
+    )
+    parser.add_argument(
+        "--fresh-window",
+        action="store_true",
+        help=f"neither use nor keep the settings of the window of the last run, as with {VARIABLE}={FRESH} in the environment",
     )
     _options.add_length(parser)
     _options.add_device(parser)
@@ -65,27 +71,61 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, and return the exit code."""
+    if arguments.scene is None:
+        return _begin_with_a_list(arguments)
     spec = _options.scene_of(arguments)
     if arguments.dry_run:
         from mpp_taichi.cli._dry_run import dry_run
 
         return dry_run(spec, arguments)
     from mpp_taichi.cli._choose_method import settled
-    from mpp_taichi.cli._outcome import report, tell
+    from mpp_taichi.cli._outcome import report
     from mpp_taichi.cli._session import run_scene
 
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
         request = request_of(arguments, spec)
-        outcome = run_scene(spec, request)
-        outcome.summary |= choice
-        earlier: list[Outcome] = []
-        while outcome.next is not None:  # another scene was opened in the window
-            earlier.append(outcome)
-            if not arguments.quiet:
-                tell(outcome, arguments)
-            outcome = run_scene(outcome.next.simulation.scene, request.for_another_scene(), outcome.next)
+        with kept_settings(fresh=arguments.fresh_window or not request.window) as settings:
+            request = replace(request, settings=settings)
+            outcome = run_scene(spec, request)
+            outcome.summary |= choice
+            outcome, earlier = _all_scenes(outcome, request, arguments)
     return report(outcome, arguments, before=earlier)
+
+
+def _all_scenes(outcome: "Outcome", request: "Request", arguments: argparse.Namespace) -> "tuple[Outcome, list[Outcome]]":
+    """Run the scenes that are opened in the window one after the other; the outcomes of the last scene, and of those before."""
+    from mpp_taichi.cli._outcome import tell
+    from mpp_taichi.cli._session import run_stage
+
+    earlier: list[Outcome] = []
+    while outcome.next is not None:
+        earlier.append(outcome)
+        if not arguments.quiet:
+            tell(outcome, arguments)
+        outcome = run_stage(outcome.next, request)
+    return outcome, earlier
+
+
+def _begin_with_a_list(arguments: argparse.Namespace) -> int:
+    """Open a window without a scene."""
+    from mpp_taichi.cli._empty_window import first_stage, request_without_scene, require_no_more
+    from mpp_taichi.cli._outcome import report
+
+    require_no_more(arguments, "")
+    require_no_more(arguments, no_window())
+    with output_reserved(arguments.json), kept_settings(fresh=arguments.fresh_window) as settings:
+        request = replace(request_without_scene(arguments), settings=settings)
+        stage = first_stage(request)
+        if stage is not None:
+            from mpp_taichi.cli._session import run_stage
+
+            outcome, earlier = _all_scenes(run_stage(stage, request), request, arguments)
+    if stage is not None:
+        return report(outcome, arguments, before=earlier)
+    if arguments.json:
+        put_json({"status": "ok", "exit_code": 0})
+    return 0
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":

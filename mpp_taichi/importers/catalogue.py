@@ -8,6 +8,7 @@ from mpp_taichi.errors import OutputError, SceneError
 from mpp_taichi.snapshot import Snapshot
 
 MOST_BYTES = 256 * 1024 * 1024
+HEAD = 64 * 1024  # bytes, by which a list of files recognises a file
 
 
 def importers() -> dict[str, Any]:
@@ -31,6 +32,20 @@ def import_particles(path: Path) -> Snapshot | None:
     """The particles, for formats that hold nothing else; raises the errors of `import_scene`."""
     _, importer, content = _opened(path)
     return importer.particles(content, str(path)) if hasattr(importer, "particles") else None
+
+
+def is_recognised(path: Path) -> bool:
+    """Whether some importer recognises the beginning of a file; an error further on is found by `import_scene` only."""
+    known = [each for each in importers().values() if path.suffix.lower() in each.SUFFIXES]
+    if not known:
+        return False
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(HEAD)
+    except OSError:
+        return False
+    text = head.decode("utf-8-sig", errors="replace")
+    return any(each.recognises(head if getattr(each, "BINARY", False) else text) for each in known)
 
 
 def _opened(path: Path) -> tuple[str, Any, str | bytes]:

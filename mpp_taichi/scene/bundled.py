@@ -28,7 +28,7 @@ def scene_file(source: str | Path) -> Path:
     """The file of the scene `source`: the file of this name, or the bundled scene of this name where there is no such file."""
     path = Path(source)
     if str(source) in bundled_scenes() and not _exists(path):
-        return _from_here(bundled_scenes()[str(source)])
+        return from_here(bundled_scenes()[str(source)])
     return path
 
 
@@ -55,7 +55,7 @@ def _nearest(path: Path) -> str:
     return f", did you mean {printable(known[near])}?" if near is not None else ""
 
 
-def _from_here(path: Path) -> Path:
+def from_here(path: Path) -> Path:
     """The path relative to the working folder where it lies below it, as a user would write it."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path

@@ -5,8 +5,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, create_model
 from pydantic import Field as Describe
 
-from mpp_taichi.scene.fields import Number, Text
+from mpp_taichi.scene.fields import ListOf, Number, Text
 from mpp_taichi.scene.parameters import STRICT
+
+LETTERS = "abcdefgijkmnoprtuvwxyz"
+"""Letters that may steer; help, log, state and quit (h, l, s, q) keep their keys in every window."""
 
 
 def _key(check: Any, default: Any, description: str) -> Any:
@@ -20,6 +23,12 @@ def slider_model() -> type[BaseModel]:
         "from": _key(Number(), None, "the lower end; absent: 0, or a tenth of the scene's value where 0 is not allowed"),
         "to": _key(Number(), None, "the upper end; absent: twice the scene's value, on a logarithmic scale ten times"),
         "scale": _key(Text(("linear", "log")), "linear", "scale of the slider: linear or log"),
+        "keys": _key(
+            ListOf(Text(tuple(LETTERS)), (2,), "letters"),
+            None,
+            "two letters, [b, m]: keys of the window; while the first is held, the parameter is at the lower end, while the "
+            "second is held, at the upper end, and otherwise where it was at the start",
+        ),
         "label": _key(Text(), "", "text beside the slider; absent: the parameter"),
     }
     return create_model("Slider", __config__=STRICT, __doc__="A parameter that is moved while the scene runs.", **keys)

@@ -36,6 +36,8 @@ def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) ->
         made = _slider(entry, place, f"sliders[{number}]", spec, validated, tree, faults)
         if made is not None and any(made.steps == other.steps for other in found):
             faults.add(place.value["set"].location, f"sliders[{number}].set", f"{made.path} has a slider already, allowed: one")
+        elif made is not None and (taken := set(made.keys) & {key for other in found for key in other.keys}):
+            faults.add(place.value["keys"].location, f"sliders[{number}].keys", f"another slider has the key {min(taken)}")
         elif made is not None:
             found.append(made)
     forces = tuple(_marked(entry, found) for entry in spec.forces)
@@ -77,7 +79,11 @@ def _slider(entry: Any, node: Node, key: str, spec: SceneSpec, validated: Any, t
         faults.add(node.place, key, f"a logarithmic scale from {shown(min(low, value))} has no beginning, must be above 0")
         return None
     label = entry.label or key_text(steps[-2:] if isinstance(steps[-1], str) else steps[-3:])
-    return SliderSpec(path, steps, targets, min(low, value), max(high, value), logarithmic, label, node.place)
+    keys = tuple(entry.keys or ())
+    if len(set(keys)) < len(keys):
+        faults.add(node.value["keys"].location, f"{key}.keys", f"has the key {keys[0]} twice, must be two keys")
+        return None
+    return SliderSpec(path, steps, targets, min(low, value), max(high, value), logarithmic, label, node.place, keys)
 
 
 def _ends(spec: SceneSpec, target: SliderTarget, value: float, logarithmic: bool) -> tuple[float, float]:

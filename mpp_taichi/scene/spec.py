@@ -194,7 +194,8 @@ class SliderTarget:
 class SliderSpec:
     """A parameter that may change between `low` and `high` while the scene runs; `steps` are its path in the scene's tree.
 
-    A parameter of a spring type belongs to several entries, all of them `targets`.
+    A parameter of a spring type belongs to several entries, all of them `targets`. `keys` are two letters that move it to its
+    ends while they are held, or none.
     """
 
     path: str
@@ -205,6 +206,7 @@ class SliderSpec:
     logarithmic: bool
     label: str
     location: Location
+    keys: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,14 @@ HELP = (
     ("up, down arrow", "faster, slower"),
     ("Backspace", "back to the start"),
     ("V", "sliders on, off"),
+    ("letters beside a slider", "steer"),
     ("left drag", "rotate"),
     ("right drag, Shift+left", "pan"),
     ("wheel, I, O, Ctrl+left drag", "zoom"),
+    ("Alt+arrows", "go ahead, back, aside"),
+    ("Shift+up, down arrow", "go up, down"),
+    ("Ctrl+arrows", "turn (Ctrl+Shift: roll)"),
+    ("Ctrl+click", "turn to the point"),
     ("R", "reset the camera"),
     ("F", "frame everything"),
     ("X  Y  Z", "look along an axis"),
@@ -27,12 +32,14 @@ HELP = (
     (LOOK_KEY, "change the look"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
-    ("N", "another scene of the folder"),
+    ("N", "another scene, from a list"),
+    ("A", "integrator and step"),
     ("C", "picture to a file"),
     ("M", "film on, off"),
     ("S", "state to a file"),
     ("L", "log to a file"),
     ("K", "print the camera"),
+    ("W", "whole screen on, off"),
     ("H", "this help"),
     ("Q, Esc", "quit"),
 )
@@ -47,8 +54,8 @@ Box = tuple[float, float, float, float]
 
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
-    **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film"},
+    **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera", "v": "sliders", "s": "save", "l": "log"},
+    **{"Tab": "follow", "n": "scenes", "d": "look", "m": "film", "a": "method", "w": "whole_screen"},
 }
 
 
@@ -77,6 +84,8 @@ class Controls:
     follow: bool = False
     scenes: bool = False
     look: bool = False
+    method: bool = False
+    whole_screen: bool = False
     film: bool = False
     single_steps: int = 0
     steps_back: int = 0
@@ -85,6 +94,7 @@ class Controls:
     _cursor: tuple[float, float] | None = field(default=None, repr=False)
     _pressed: tuple[float, float] | None = field(default=None, repr=False)  # where a click may have begun
     _clicked: tuple[float, float] | None = field(default=None, repr=False)
+    _turns: bool = field(default=False, repr=False)  # the click began with Ctrl
     _taken: bool = field(default=False, repr=False)  # the drag began where the mouse belongs to a panel
 
     def press(self, key: str, *, shift: bool, camera: Camera, frame: Frame, aspect: float) -> None:
@@ -137,19 +147,24 @@ class Controls:
             camera.zoom(ZOOM_PER_SECOND ** (direction * seconds))
 
     def _watch_clicks(self, cursor: tuple[float, float], held: set[str], *, begins: bool, aspect: float) -> None:
-        """Notice clicks: only the left button goes down and up again, at one place."""
+        """Notice clicks: the left button goes down and up again at one place, alone or with Ctrl."""
         if not held & BUTTONS:
             self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
         elif begins:
             self._taken = any(holds(box, cursor) for box in self.occupied)
-            alone = not self._taken and not held & {"MMB", "RMB", "Shift", "Control"}
-            self._pressed = cursor if alone else None
+            alone = not self._taken and not held & {"MMB", "RMB", "Shift"}
+            self._pressed, self._turns = cursor if alone else None, "Control" in held
         elif self._pressed is not None:
             away = abs(cursor[0] - self._pressed[0]) * aspect + abs(cursor[1] - self._pressed[1])
             self._pressed = self._pressed if away < CLICK else None
 
-    def take_click(self) -> tuple[float, float] | None:
-        """The place of the user's click since the last call, in 0…1 from the lower left corner."""
+    def take_click(self, *, turns: bool = False) -> tuple[float, float] | None:
+        """The place of the user's click since the last call, in 0…1 from the lower left corner.
+
+        A click with Ctrl `turns` the camera, and is told only where it is asked for.
+        """
+        if turns is not self._turns:
+            return None
         clicked, self._clicked = self._clicked, None
         return clicked
 

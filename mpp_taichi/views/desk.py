@@ -2,7 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from mpp_taichi.views.method_box import Methods
+from mpp_taichi.views.scene_list import Place
 from mpp_taichi.views.slider_panel import Knob
 from mpp_taichi.views.window_film import Tape, no_film
 
@@ -15,11 +18,11 @@ def _nothing_saved() -> str:
     return "there is nothing to save"
 
 
-def _no_scenes() -> Sequence[str]:
-    return ()
+def _no_title(file: Path) -> str:
+    return ""
 
 
-def _nothing_opened(name: str) -> str:
+def _nothing_opened(file: Path) -> str:
     return "no other scene can be opened from here"
 
 
@@ -36,9 +39,10 @@ class Desk:
     save   write the state to a file
     log    write the moves of the sliders to a file, as a scene
     film   open a film of a size in pixels, and so many pictures in a second
-    scenes the scenes that can be opened instead of this one, by name; `present` is this one
-    title_of  the title of such a scene
-    open   prepare another scene, to which the window is handed on; the line states the error, if there is one
+    place  the place with which the list of files begins that can be opened instead of the file `present`, which runs
+    title_of  the title of such a file; empty where it has none
+    methods  the integrators from which another one is chosen for the scene, to which the window is handed on
+    open   prepare another file, to which the window is handed on; the line states the error, if there is one
     """
 
     knobs: Sequence[Knob] = ()
@@ -47,7 +51,8 @@ class Desk:
     save: Callable[[], str] = _nothing_saved
     log: Callable[[], str] = _nothing_saved
     film: Callable[[tuple[int, int], float], Tape] = no_film
-    scenes: Callable[[], Sequence[str]] = _no_scenes
-    title_of: Callable[[str], str] = str
-    open: Callable[[str], str] = _nothing_opened
-    present: str = ""
+    place: Place | None = None
+    title_of: Callable[[Path], str] = _no_title
+    open: Callable[[Path], str] = _nothing_opened
+    present: Path | None = None
+    methods: Methods | None = None

@@ -18,13 +18,14 @@ from mpp_taichi.views.trails import DrawnTrails, Trails
 
 @contextmanager
 def seeing(camera: Camera, factor: float) -> Iterator[None]:
-    """A block in which a camera sees a height larger by a factor."""
+    """A block in which a camera sees a height larger by a factor; a zoom within the block remains."""
     angle, height = camera.field_of_view, camera.height
     camera.field_of_view, camera.height = widened(angle, factor), factor * height
     try:
         yield
     finally:
-        camera.field_of_view, camera.height = angle, height
+        camera.field_of_view = angle
+        camera.height = height if camera.height == factor * height else camera.height / factor
 
 
 class FilmLook:

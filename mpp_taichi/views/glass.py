@@ -10,7 +10,7 @@ from taichi.ui.utils import get_field_info
 from mpp_taichi.views.ggui import read_back
 from mpp_taichi.views.ggui_folder import ggui_folder
 from mpp_taichi.views.pace import FRAMES_PER_SECOND
-from mpp_taichi.views.window_place import fitted, windows_screen
+from mpp_taichi.views.window_place import PLACE, fitted, windows_screen
 from mpp_taichi.views.x_display import XDisplay
 
 Guard = Callable[[], AbstractContextManager[None]]
@@ -24,13 +24,18 @@ class Glass:
     """
 
     def __init__(
-        self, title: str, size: tuple[int, int], guard: Callable[[], AbstractContextManager[None]] = nullcontext
+        self,
+        title: str,
+        size: tuple[int, int],
+        guard: Callable[[], AbstractContextManager[None]] = nullcontext,
+        place: tuple[int, int] | None = None,
     ) -> None:
-        """Open the window, within the screen; `ti.init` has been called."""
+        """Open the window, within the screen, with its upper left corner at `place`; `ti.init` has been called."""
         self.guard, self.title = guard, title
+        self.full = False  # screen
         self._x = XDisplay.open()
         self._pixels = np.zeros((0, 0), np.uint32)
-        size, place = fitted(size, windows_screen() if self._x is None else self._x.screen)
+        size, place = fitted(size, windows_screen() if self._x is None else self._x.screen, place or PLACE)
         with ggui_folder(), self.guard():
             self.window = ti.ui.Window(title, size, vsync=False, fps_limit=FRAMES_PER_SECOND, pos=place)
         if self._x is not None:
@@ -46,6 +51,19 @@ class Glass:
         """Width and height in pixels."""
         width, height = self.window.get_window_shape()
         return int(width), int(height)
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """The upper left corner on the screen; None where it cannot be known."""
+        return None if self._x is None else self._x.place
+
+    def toggle_full_screen(self) -> str:
+        """Fill the screen, or go back to the size before; returns a line where this is not possible."""
+        if self._x is None or not self._x.offers_full_screen():
+            return "full screen needs the window manager of an X display, which is not there"
+        self.full = not self.full
+        self._x.ask_full_screen(self.full)
+        return ""
 
     @property
     def canvas(self) -> "ti.ui.Canvas":

@@ -20,9 +20,9 @@ class Pace:
     A run keeps pace with the clock: a frame that took long is followed by more steps, unless the steps themselves are slow.
     """
 
-    def __init__(self, asked: float) -> None:
-        """Begin at the speed of the scene."""
-        self.asked, self.speed = asked, 0
+    def __init__(self, asked: float, speed: int = 0) -> None:
+        """Begin at the speed of the scene, or faster."""
+        self.asked, self.speed = asked, speed
         self._most = self._limit
         self._credit = 0.0
         self._taken = 0

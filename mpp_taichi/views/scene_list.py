@@ -1,14 +1,40 @@
-"""A list of scenes in a window, with buttons and arrow keys, and with room for the fault of a chosen scene."""
+"""A list of scenes in a window, with buttons and arrow keys, with folders to walk through, and with room for a fault."""
 
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
+
+from mpp_taichi.views.marked_rows import MarkedRows
 
 COLUMNS = 54  # letters of a line
 ROW, LINE, HEAD = 23, 17, 32  # pixels: of a button, of a line of text, and of the panel's title with its rim
 MESSAGE_LINES = 5
+TEXT_LINES = MESSAGE_LINES + 2  # also the name of the place above the rows, and the hint below
 HINT = "arrows and Enter, or a click"
+INSIDE = "/"  # behind the name of a row that leads to a place
 Box = tuple[float, float, float, float]
+
+
+class Place(Protocol):
+    """A folder, or another collection of scenes. Places that hold the same rows are equal."""
+
+    @property
+    def name(self) -> str:
+        """The text above the rows."""
+
+    def rows(self) -> "Sequence[ListRow]":
+        """The rows as they are now; OSError where the place cannot be read."""
+
+
+@dataclass(frozen=True)
+class ListRow:
+    """A row of the list: a file that can be opened, or a `place` to which the row leads."""
+
+    name: str
+    file: Path | None = None
+    place: Place | None = None
 
 
 class ListGui(Protocol):
@@ -22,78 +48,126 @@ class ListGui(Protocol):
 
 
 class SceneList:
-    """The scenes that `names()` returns, of which `present` runs now; `shown` is toggled by the user.
+    """The rows of a place, one of which is the scene `present` that runs now; `shown` is toggled by the user.
 
-    Where the names do not all fit, the names around the marked name are shown. `title_of` gives the title of a scene.
+    Where the rows do not all fit, the rows around the marked row are shown. `title_of` gives the title of a scene's file.
     """
 
-    def __init__(self, names: Callable[[], Sequence[str]], present: str, title_of: Callable[[str], str] = str) -> None:
-        """The list is hidden at first."""
-        self._find, self.present, self._title_of = names, present, title_of
-        self._titles: dict[str, str] = {}
-        self.names: Sequence[str] = ()
-        self.shown, self.marked, self.message = False, 0, ""
-        self._chosen: str | None = None
+    def __init__(
+        self, place: Place | None, present: Path | None = None, title_of: Callable[[Path], str] = lambda file: ""
+    ) -> None:
+        """The list is hidden at first; without a place it is empty."""
+        self.place, self.present, self._title_of = place, present, title_of
+        self._titles: dict[Path, str] = {}
+        self.rows: Sequence[ListRow] = ()
+        self.shown, self.message = False, ""
+        self._marks = MarkedRows()
+        self._chosen: Path | None = None
 
     def toggle(self) -> None:
-        """Show the list with its present names, or hide it."""
+        """Show the list with its present rows, or hide it."""
         self.shown = not self.shown
         if self.shown:
-            self.names, self.message = tuple(self._find()), ""
-            self._titles = {name: self._title_of(name) for name in self.names}
-            self.marked = self.names.index(self.present) if self.present in self.names else 0
+            self._titles = {}
+            self._enter(self.place, self._is_present)
 
     def press(self, key: str) -> bool:
         """Take a pressed key; returns whether the key was meant for the list."""
-        if not self.shown or key not in ("Up", "Down", "Return", "Escape"):
+        if not self.shown or key not in ("Up", "Down", "Left", "Right", "Return", "Escape"):
             return False
         if key == "Escape":
             self.shown = False
         elif key == "Return":
-            self._chosen = self.names[self.marked] if self.names else None
-        elif self.names:
-            self.marked = (self.marked + (1 if key == "Down" else -1)) % len(self.names)
+            self._choose(self.marked)
+        elif key == "Left":
+            self._leave()
+        elif key == "Right":
+            if self.rows and self.rows[self.marked].place is not None:
+                self._choose(self.marked)
+        else:
+            self._marks.step(1 if key == "Down" else -1)
         return True
+
+    @property
+    def marked(self) -> int:
+        """The number of the marked row."""
+        return self._marks.marked
 
     def scroll(self, rows: int) -> None:
         """Move the mark by rows, not beyond the ends."""
-        self.marked = min(max(self.marked + rows, 0), max(len(self.names) - 1, 0))
+        self._marks.scroll(rows)
 
-    def take(self) -> str | None:
-        """The name that was chosen since the last call."""
+    def take(self) -> Path | None:
+        """The file that was chosen since the last call."""
         chosen, self._chosen = self._chosen, None
         return chosen
 
-    def rows(self, height: int) -> int:
-        """The number of names that fit into a window of this height in pixels."""
-        room = height - 16 - HEAD - LINE * (MESSAGE_LINES + 1)
-        return max(1, min(len(self.names), room // ROW))
+    def visible(self, height: int) -> range:
+        """The numbers of the rows that fit into a window of this height in pixels."""
+        return self._marks.visible((height - 16 - HEAD - LINE * TEXT_LINES) // ROW)
 
     def box(self, size: tuple[int, int]) -> Box:
         """Left, top, width and height of the panel as shares of the window, at its right rim."""
         width = min(7 * COLUMNS + 24, size[0] - 16)
-        height = ROW * self.rows(size[1]) + LINE * (MESSAGE_LINES + 1) + HEAD
+        height = ROW * len(self.visible(size[1])) + LINE * TEXT_LINES + HEAD
         return 1.0 - (width + 8) / size[0], 8 / size[1], width / size[0], height / size[1]
-
-    def visible(self, height: int) -> Sequence[str]:
-        """The names that are shown."""
-        rows = self.rows(height)
-        first = min(max(0, self.marked - rows // 2), max(0, len(self.names) - rows))
-        return self.names[first : first + rows]
 
     def draw(self, gui: ListGui, height: int) -> None:
         """Put the list into a window of GGUI."""
-        visible = self.visible(height)
-        for name in visible:
-            mark = ">" if name == self.names[self.marked] else " "
-            title = self._titles.get(name, name)
-            told = name if title == name else f"{title}   {name}"
-            if gui.button(f"{mark} {told}{'  (runs)' if name == self.present else ''}"):
-                self.marked, self._chosen = self.names.index(name), name
-        if len(visible) < len(self.names):
-            first = self.names.index(visible[0]) + 1
-            gui.text(f"{first} to {first + len(visible) - 1} of {len(self.names)}; {HINT}")
+        gui.text("" if self.place is None else _ending(self.place.name))
+        visible, clicked, rows = self.visible(height), None, len(self.rows)
+        for number in visible:
+            mark = ">" if number == self.marked else " "
+            if gui.button(f"{mark} {self._text(self.rows[number])}"):
+                clicked = number
+        if len(visible) < rows:
+            gui.text(f"{visible[0] + 1} to {visible[-1] + 1} of {rows}; {HINT}")
         else:
-            gui.text(HINT if self.names else "there is no scene in a file here")
+            gui.text(HINT if rows else "there is no scene in a file here")
         for line in textwrap.wrap(self.message, COLUMNS)[:MESSAGE_LINES]:
             gui.text(line)
+        if clicked is not None:
+            self._marks.marked = clicked
+            self._choose(clicked)
+
+    def _text(self, row: ListRow) -> str:
+        if row.file is None:
+            return row.name + INSIDE
+        if row.file not in self._titles:
+            self._titles[row.file] = self._title_of(row.file)
+        title = self._titles[row.file]
+        told = f"{title}   {row.name}" if title else row.name
+        return told + ("  (runs)" if self._is_present(row) else "")
+
+    def _is_present(self, row: ListRow) -> bool:
+        return row.file is not None and self.present is not None and row.file.absolute() == self.present.absolute()
+
+    def _choose(self, number: int) -> None:
+        """Open the file of a row, or show the place to which the row leads."""
+        if not self.rows:
+            return
+        row, left = self.rows[number], self.place
+        if row.place is None:
+            self._chosen = row.file
+        else:
+            self._enter(row.place, lambda each: each.place == left)
+
+    def _leave(self) -> None:
+        """Go to the place outside, to which the first row leads where there is such a place."""
+        if self.rows and self.rows[0].place is not None and self.rows[0].name == "..":
+            self._choose(0)
+
+    def _enter(self, place: Place | None, is_marked: Callable[[ListRow], bool]) -> None:
+        """Show a place; a place that cannot be read leaves the list as it is."""
+        self.message = ""
+        try:
+            rows = () if place is None else tuple(place.rows())
+        except OSError as error:
+            self.message = f"{place.name if place else ''}: cannot be read: {error.strerror or error}"
+            return
+        self.place, self.rows = place, rows
+        self._marks.begin(len(rows), next((number for number, row in enumerate(rows) if is_marked(row)), 0))
+
+
+def _ending(text: str) -> str:
+    return text if len(text) <= COLUMNS else "…" + text[1 - COLUMNS :]

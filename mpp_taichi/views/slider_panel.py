@@ -16,7 +16,7 @@ WIDTH, ROW, HEAD = 288, 23, 32  # pixels: of the panel, of a slider in it, and o
 
 @dataclass(frozen=True)
 class Knob:
-    """A parameter from `low` to `high`; `read` returns its present value."""
+    """A parameter from `low` to `high`; `read` returns its present value. `keys` lead to both ends while they are held."""
 
     path: str
     label: str
@@ -24,6 +24,7 @@ class Knob:
     high: float
     logarithmic: bool
     read: Callable[[], float]
+    keys: tuple[str, ...] = ()
 
     @property
     def unit(self) -> float:
@@ -45,7 +46,8 @@ class Knob:
     def text(self) -> str:
         """The text beside the slider. GGUI identifies the slider by the part after ###, while the text before it changes."""
         scale = "  [log10]" if self.logarithmic else "" if self.unit == 1.0 else f"  [{self.unit:.0e}]"
-        return f"{self.label} = {self.read():.4g}{scale}###{self.path}"
+        keys = f"  ({', '.join(self.keys).upper()})" if self.keys else ""
+        return f"{self.label} = {self.read():.4g}{scale}{keys}###{self.path}"
 
 
 class SliderGui(Protocol):

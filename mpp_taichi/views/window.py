@@ -6,6 +6,7 @@ Linux without a display can have a display in memory: `xvfb-run python -m mpp_ta
 
 import sys
 import time
+from collections.abc import Container
 from contextlib import nullcontext
 from typing import Protocol
 
@@ -16,14 +17,14 @@ from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
-from mpp_taichi.views.controls import BUTTONS, ZOOM_PER_CLICK, Controls
+from mpp_taichi.views.controls import Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
-from mpp_taichi.views.film_look import seeing
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import probe
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.legend import draw_legend, legend_lines
+from mpp_taichi.views.method_box import MethodBox
 from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.paper import GROUND, Mouse
@@ -34,12 +35,13 @@ from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.waiting import WORD, waiting_picture
 from mpp_taichi.views.window_boxes import WindowBoxes
 from mpp_taichi.views.window_film import WindowFilm
+from mpp_taichi.views.window_input import WindowInput
 from mpp_taichi.views.window_layout import Layout
 from mpp_taichi.views.window_panels import WindowPanels
 from mpp_taichi.views.window_scene import WindowScene
+from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
 MESSAGE_SECONDS = 3.0
-HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
 
 
 class Steerable(Protocol):
@@ -76,12 +78,16 @@ class Window:
         desk: Desk | None = None,
         glass: Glass | None = None,
         loss: DisplayLoss | None = None,
-        look: str = "auto",
+        look: str | None = None,
+        settings: WindowSettings | None = None,
+        decided: Container[str] = (),
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
         With the `glass` of another Window, the window keeps its place and its size. `loss` answers the loss of the display;
         without it the process ends as Xlib and Taichi end it. `look` is one of LOOKS.
+        What is left open (not `look`, and no setting among the `decided` ones) is taken from the `settings` of the last window,
+        which are given the changes that the user makes.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -90,22 +96,27 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
+        settings = settings or WindowSettings()
+        self._kept = KeptChanges(settings, decided, look_decided=look is not None)
         guard = nullcontext if loss is None else loss.in_glass
         if glass is None:
             if loss is not None:
                 with guard():
                     loss.require_display()
-            glass = Glass(title or "mpp_taichi", size, guard)
+            glass = Glass(title or "mpp_taichi", settings.size or size, guard, settings.place)
         glass.guard, glass.title = guard, title or glass.title
         self.glass = glass
         self.handed_on = False
         self._wait_for(title)
         self._panels = panels or WindowPanels((), RecordSpec(), str)
-        self._scene = WindowScene(glass, spec, dimensions, self._panels, look)
+        self._panels.begin(self._kept.begin("panels"))
+        self._scene = WindowScene(glass, spec, dimensions, self._panels, look or self._kept.begin("look") or "auto")
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
-        self._scenes = SceneList(self._desk.scenes, self._desk.present, self._desk.title_of)
-        self._boxes = WindowBoxes(self._sliders, self._scenes)
+        self._scenes = SceneList(self._desk.place, self._desk.present, self._desk.title_of)
+        self._method = MethodBox(self._desk.methods)
+        self._boxes = WindowBoxes(self._sliders, self._scenes, self._method)
+        self._input = WindowInput(glass, self._scene, self._boxes)
         self._follower = Follower()
         self._film = WindowFilm(self._desk.film)
         self._message, self._message_end = "", 0.0
@@ -114,14 +125,15 @@ class Window:
 
     def run(self, simulation: Steerable, *, steps_per_frame: float = 1.0, paused: bool = False) -> None:
         """Drive the simulation until the window is closed: so many steps in a 60th of a second, fewer while steps are slow."""
-        controls = Controls(running=not paused, trails=self.spec.trails > 0)
+        trails = self._kept.begin("trails")
+        controls = Controls(running=not paused, trails=self.spec.trails > 0 if trails is None else trails)
         frame = self._look(simulation)
         self._layout = self._layout_of(frame, controls)
         aspect = self._scene.aspect(self._layout.picture)
         camera = Camera(self.spec.camera, frame, aspect=aspect, dimensions=self.dimensions)
         if self.dimensions == 2 and not camera.orthographic:
             camera.turn_projection()
-        pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
+        pace, rate, last = Pace(steps_per_frame, self._kept.begin("speed") or 0), Rate(), time.perf_counter()
         compiled = False  # the first picture is shown before the step is compiled
         try:
             while self.glass.running and not controls.quit:
@@ -149,15 +161,22 @@ class Window:
                 rate.count(steps, frame.time - before if steps else 0.0)
                 told = rate.text(pace, frame.units) if compiled or not going else WORD
                 self._show(frame, camera, controls, simulation.finished, told, passed)
+                self._kept.see(self._settings_now(frame, controls, pace))
                 compiled = True
         finally:
             self._film.end()
             if not self.handed_on:
                 self.glass.destroy()
 
+    def _settings_now(self, frame: Frame, controls: Controls, pace: Pace) -> WindowSettings:
+        panels = self._panels.shown if self._panels.plots else None
+        return WindowSettings(
+            self._scene.look_beside(frame), self.glass.size, self.glass.place, panels, controls.trails, pace.speed
+        )
+
     def _layout_of(self, frame: Frame, controls: Controls) -> Layout:
-        boxes = self._sliders.shown or self._scenes.shown or controls.help or not self._scene.has_film_look(frame)
-        return Layout.of(self.glass.size, boxes=boxes)
+        shown = (self._sliders.shown, self._scenes.shown, self._method.shown, controls.help)
+        return Layout.of(self.glass.size, boxes=any(shown) or not self._scene.has_film_look(frame))
 
     def _wait_for(self, title: str) -> None:
         """Show the title of a scene that is being compiled."""
@@ -176,33 +195,11 @@ class Window:
         return self._scene.appearance.dress(self._bare)
 
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
-        keys = self.glass.pressed()
-        held = self.glass.held(HELD_KEYS)
-        held |= BUTTONS & set(keys)  # a click may begin and end between two frames
-        shift = "Shift" in held or "Shift" in keys  # a key may go down and up between two frames
-        size, part = self.glass.size, self._scene.part(self._layout.picture)
-        aspect = self._scene.aspect(self._layout.picture)
-        for key in [*self._boxes.keys, *keys]:
-            if not self._scenes.press(key):
-                controls.press(key, shift=shift, camera=camera, frame=frame, aspect=aspect)
-            if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
-                self._scenes.toggle()
-        cursor = self.glass.cursor
-        pixel = cursor[0] * size[0], (1.0 - cursor[1]) * size[1]
-        self._mouse = Mouse(pixel, "LMB" in keys, "LMB" in held)
-        controls.occupied = [part.box_of(area) for area in self._boxes.areas]
-        away = any(area.holds(pixel) for area in self._boxes.areas)
-        clicks = self.glass.take_wheel()
-        if away and self._scenes.shown:
-            self._scenes.scroll(-clicks)
-        with seeing(camera, self._scene.film.factor(part.size)):
-            shape = part.width / part.height
-            controls.move(part.share(pixel), held, camera=camera, seconds=seconds, aspect=shape)
-            camera.zoom(self._boxes.zoom * (1.0 if away else ZOOM_PER_CLICK**clicks))
-        if controls.take_click() is not None:
-            self._scene.pick(frame, camera, self._layout.picture, pixel)
+        self._mouse = self._input.read(controls, camera, frame, self._layout.picture, seconds)
         if controls.take("follow"):
             self._say(self._follower.next(self._scene.picked.index))
+        if controls.take("whole_screen"):
+            self._say(self.glass.toggle_full_screen())
         if controls.take("look"):
             self._say(self._scene.toggle_look(frame))
 
@@ -232,13 +229,14 @@ class Window:
         status = "finished" if finished else "running" if controls.running else "paused"
         told = scene.trails.message if controls.trails else ""
         line = f"{status}, {rate}   H: help" + ("   D: plain spheres" if picture is None else "")
-        self._put_boxes(frame, controls, [line, self._current_message() or told], picture is None)
+        self._put_boxes(frame, controls, [line, self._current_message() or told, self._method.told()], picture is None)
         if picture is None:
             self._boxes.draw(self.glass)
         else:
             self.glass.put(self._composed(picture))
         self.glass.show()
-        if self._boxes.moved and (message := self._desk.move(self._boxes.moved)):
+        moved = self._input.moved | self._boxes.moved
+        if moved and (message := self._desk.move(moved)):
             self._say(message)
         self._open_scene(controls)
 
@@ -286,11 +284,15 @@ class Window:
             self._say(str(error))
 
     def _open_scene(self, controls: Controls) -> None:
-        """Hand the window on to the scene that was chosen from the list, if the scene can be opened."""
-        if (name := self._scenes.take()) is not None:
-            self._wait_for(self._desk.title_of(name))
-            self._scenes.message = self._desk.open(name)
+        """Hand the window on to the scene or the integrator that was chosen from a list, if it can be begun."""
+        if (file := self._scenes.take()) is not None:
+            self._wait_for(self._desk.title_of(file) or file.name)
+            self._scenes.message = self._desk.open(file)
             self.handed_on = controls.quit = not self._scenes.message
+        elif (method := self._method.take()) is not None and self._desk.methods is not None:
+            self._wait_for(self.title)
+            self._method.message = self._desk.methods.choose(*method)
+            self.handed_on = controls.quit = not self._method.message
 
     def _say(self, message: str) -> None:
         self._message, self._message_end = message, time.perf_counter() + MESSAGE_SECONDS

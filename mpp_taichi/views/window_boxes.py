@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi.views.canvas_layer import CanvasLayer
 from mpp_taichi.views.controls import HELP, LOOK_KEY
 from mpp_taichi.views.glass import Glass
+from mpp_taichi.views.method_box import MethodBox
 from mpp_taichi.views.paper import LINE, RIM, ROW, Mouse, Paper
 from mpp_taichi.views.scene_list import HEAD, SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
@@ -20,13 +21,14 @@ BUTTONS = (
     ("faster", "Up"),
     ("trails", "t"),
     ("scenes", "n"),
+    ("method", "a"),
     ("picture", "c"),
     ("help", "h"),
 )
 """Texts of buttons, and the keys that they stand for."""
 ZOOMS = (("\N{MINUS SIGN}", 0.8), ("+", 1.25))
 KEYS_WIDTH = 176  # pixels of the first column of the help
-HELP_WIDTH, HELP_LINE = 384, 17
+HELP_WIDTH, HELP_LINE, LEAST_LINE = 384, 17, 14
 STATUS_WIDTH, STATUS_TOP = 268, 54  # of a small window: below the caption of the picture
 SLIDERS_TOP = 133
 BUTTON_WIDTH, ZOOM_WIDTH = 62, 26
@@ -35,9 +37,9 @@ BUTTON_WIDTH, ZOOM_WIDTH = 62, 26
 class WindowBoxes:
     """Draws the boxes and tells what was pressed: keys, factors of the zoom, and moved parameters."""
 
-    def __init__(self, sliders: SliderPanel, scenes: SceneList) -> None:
+    def __init__(self, sliders: SliderPanel, scenes: SceneList, method: MethodBox) -> None:
         """Nothing is drawn yet."""
-        self.sliders, self.scenes = sliders, scenes
+        self.sliders, self.scenes, self.method = sliders, scenes, method
         self.keys: list[str] = []
         self.zoom = 1.0
         self.moved: dict[str, float] = {}
@@ -85,13 +87,14 @@ class WindowBoxes:
         """Lay out all boxes; `mouse` is in pixels of the window. `caption` and `legend` are those that the picture lacks."""
         self._look = look
         if layout.strip is not None:
-            self._strip(layout.strip, mouse, running, filming, [status[0], status[1] or "   ".join(picked)])
+            below = [status[1] or "   ".join(picked), *status[2:]]
+            self._strip(layout.strip, mouse, running, filming, status[0], "   ".join(line for line in below if line))
         if layout.column is not None:
             self._column(layout.column, mouse, caption, legend, with_help)
         elif layout.strip is None:
             self._over_the_picture(layout.size, mouse, status, caption, legend, picked, with_help)
 
-    def _strip(self, area: Area, mouse: Mouse, running: bool, filming: bool, lines: Sequence[str]) -> None:
+    def _strip(self, area: Area, mouse: Mouse, running: bool, filming: bool, status: str, more: str) -> None:
         paper = self._paper("strip", area, mouse)
         left, top, bottom = RIM, 4, 4 + ROW
         for text, key in (("pause" if running else "run", " "), *BUTTONS, ("stop film" if filming else "film", "m")):
@@ -102,25 +105,28 @@ class WindowBoxes:
             if paper.button_at((left, top, left + ZOOM_WIDTH, bottom), text, middle=True):
                 self.zoom *= factor
             left += ZOOM_WIDTH + 4
-        paper.begin_text(left + RIM, top + 3)
-        paper.text(lines[0])
+        if area.width - left >= STATUS_WIDTH:
+            paper.begin_text(left + RIM, top + 3)
+            paper.text(status)
+        else:
+            more = f"{status}   {more}"
         paper.begin_text(0, bottom + 3)
-        paper.text(lines[1], faint=True)
+        paper.text(more, faint=True)
 
     def _column(self, area: Area, mouse: Mouse, caption: Sequence[str], legend: Sequence[str], with_help: bool) -> None:
         paper = self._paper("column", area, mouse)
         for line in (*caption, *legend):
             paper.text(line)
-        if self.scenes.shown:
+        if (listed := self._listed()) is not None:
             paper.space(RIM)
-            self.scenes.draw(paper, area.height - paper.bottom + 16)
+            listed.draw(paper, area.height - paper.bottom + 16)
             return
         if self.sliders.shown:
             paper.space(RIM)
             self.moved = self.sliders.draw(paper)
         if with_help:
             paper.space(RIM)
-            _write_help(paper, self._look)
+            _write_help(paper, self._look, area.height)
 
     def _over_the_picture(
         self,
@@ -149,13 +155,22 @@ class WindowBoxes:
                 for line in texts:
                     paper.text(line)
                 bottom -= high + RIM
-        if self.scenes.shown:
-            paper = self._titled("scenes", _area(self.scenes.box(size), size), mouse)
-            self.scenes.draw(paper, size[1])
+        if (listed := self._listed()) is not None:
+            paper = self._titled("scenes" if listed is self.scenes else "method", _area(listed.box(size), size), mouse)
+            listed.draw(paper, size[1])
         elif with_help:
             high = min(HELP_LINE * len(HELP) + 16, size[1] - 2 * RIM)
             paper = self._paper("help", Area(size[0] - HELP_WIDTH - RIM, RIM, HELP_WIDTH, high), mouse)
-            _write_help(paper, self._look)
+            _write_help(paper, self._look, high)
+
+    def scroll(self, rows: int) -> None:
+        """Move the mark of the list that is shown."""
+        if (listed := self._listed()) is not None:
+            listed.scroll(rows)
+
+    def _listed(self) -> SceneList | MethodBox | None:
+        """The list that is shown."""
+        return self.scenes if self.scenes.shown else self.method if self.method.shown else None
 
     def paste(self, whole: np.ndarray) -> None:
         """Put the boxes into the picture of a window, in place."""
@@ -173,10 +188,13 @@ class WindowBoxes:
             layer.draw(glass.canvas, glass.size, (area.left, area.top), paper.picture(), paper.grounds())
 
 
-def _write_help(paper: Paper, look: str) -> None:
+def _write_help(paper: Paper, look: str, height: int) -> None:
+    """Write the help into the rest of a box of this height, with lines that are nearer together where there is little room."""
+    room = (height - paper.bottom) // len(HELP)
     for keys, does in HELP:
         told = f"look: {look}" if keys == LOOK_KEY else does
         paper.row((keys, told), (0, KEYS_WIDTH))
+        paper.space(min(max(room, LEAST_LINE), LINE) - LINE)
 
 
 def _area(box: tuple[float, float, float, float], size: tuple[int, int]) -> Area:

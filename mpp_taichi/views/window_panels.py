@@ -29,6 +29,10 @@ class WindowPanels:
         self._sheet: Sheet | None = None
         self._layer = CanvasLayer()
 
+    def begin(self, shown: bool | None) -> None:
+        """Show or hide the panels from the beginning on, where this is not None."""
+        self.shown = bool(self.plots) and (self.shown if shown is None else shown)
+
     def division(self, size: tuple[int, int]) -> Division | None:
         """The division of a window of this size; None while no panels are shown."""
         return Division.of(size, self.record) if self.shown else None

@@ -9,14 +9,14 @@ LEAST = (320, 200)
 Pair = tuple[int, int]
 
 
-def fitted(size: Pair, screen: Pair | None) -> tuple[Pair, Pair]:
-    """The size and the upper left corner of a window of a wanted size, so that all of it is on the screen."""
+def fitted(size: Pair, screen: Pair | None, place: Pair = PLACE) -> tuple[Pair, Pair]:
+    """The size and the upper left corner of a window of a wanted size and place, so that all of it is on the screen."""
     if screen is None:
-        return size, PLACE
+        return size, place
     room = screen[0] - FRAME[0], screen[1] - FRAME[1] - BAR
     width, height = (max(min(wanted, most), least) for wanted, most, least in zip(size, room, LEAST, strict=True))
-    left = max(0, min(PLACE[0], screen[0] - width - FRAME[0]))
-    top = max(0, min(PLACE[1], max(FRAME[1], screen[1] - BAR - height)))
+    left = max(0, min(place[0], screen[0] - width - FRAME[0]))
+    top = max(0, min(place[1], max(FRAME[1], screen[1] - BAR - height)))
     return (width, height), (left, top)
 
 

@@ -38,6 +38,11 @@ class WindowScene:
         """Whether a frame has the look of films."""
         return is_film(self.look, len(frame.position))
 
+    def look_beside(self, frame: Frame) -> str:
+        """The look, `auto` where it is the one that a frame has unasked."""
+        film = self.has_film_look(frame)
+        return "auto" if film == is_film("auto", len(frame.position)) else "film" if film else "plain"
+
     def toggle_look(self, frame: Frame) -> str:
         """Change to the other look; returns a line that names it."""
         self.look = "plain" if self.has_film_look(frame) else "film"
@@ -54,12 +59,12 @@ class WindowScene:
         width, height = self.film.film_size if self.film.factor(part.size) > 1.0 else part.size
         return width / height
 
-    def pick(self, frame: Frame, camera: Camera, area: Area, pixel: tuple[float, float]) -> None:
-        """Mark the particle at a pixel of the window, or none."""
+    def found(self, frame: Frame, camera: Camera, area: Area, pixel: tuple[float, float]) -> int | None:
+        """The particle at a pixel of the window, or None."""
         part = self.part(area)
         with seeing(camera, self.film.factor(part.size)):
             drawn = discs(frame, camera, self.spec, part.size)
-        self.picked.index = pick(drawn, part.share(pixel), part.size)
+        return pick(drawn, part.share(pixel), part.size)
 
     def draw(self, frame: Frame, camera: Camera, area: Area, *, trails: bool, marked: bool = True) -> np.ndarray | None:
         """The picture of the area, (height, width, 3); None where GGUI has drawn the scene on the canvas of the window."""

@@ -8,6 +8,7 @@ import os
 import sys
 from typing import Any
 
+from mpp_taichi.views.x_full_screen import XFullScreen
 from mpp_taichi.views.x_wheel import XWheel
 
 CLIENT_LIST_DEPTH = 4  # windows of a window manager between the root and ours
@@ -25,6 +26,7 @@ class XDisplay:
         self._root = x11.XDefaultRootWindow(display)
         self._window: int | None = None
         self._wheel: XWheel | None = None
+        self._full_screen = XFullScreen(x11, display, self._root, self._property)
         self._ignore = _ErrorHandler(lambda display, event: 0)
 
     @staticmethod
@@ -52,6 +54,25 @@ class XDisplay:
                 self._window = window
                 self._wheel = XWheel.open(self._x11, self._display, self._root)
                 return
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """The upper left corner of the window on the screen, without its frame; None where there is no window."""
+        if self._window is None:
+            return None
+        x, y, child = ctypes.c_int(), ctypes.c_int(), ctypes.c_ulong()
+        places = (ctypes.byref(each) for each in (x, y, child))
+        found = self._x11.XTranslateCoordinates(self._display, self._window, self._root, 0, 0, *places)
+        return (x.value, y.value) if found else None
+
+    def offers_full_screen(self) -> bool:
+        """Whether the window is known, and a window manager runs that knows full screen."""
+        return self._window is not None and self._full_screen.is_offered()
+
+    def ask_full_screen(self, on: bool) -> None:
+        """Ask the window manager that the window is, or is no longer, as large as the screen."""
+        if self._window is not None:
+            self._full_screen.ask(self._window, on)
 
     def rename(self, title: str) -> None:
         """Give the window a title, where it has another one: GGUI puts the old one back once a second."""
@@ -154,12 +175,14 @@ def _declared(x11: ctypes.CDLL) -> ctypes.CDLL:
         "XGetWindowProperty": (whole, [pointer, window, atom, ctypes.c_long, ctypes.c_long, whole, atom, *5 * [pointer]]),
         "XQueryTree": (whole, [pointer, window, *4 * [pointer]]),
         "XQueryPointer": (whole, [pointer, window, *7 * [pointer]]),
+        "XTranslateCoordinates": (whole, [pointer, window, window, whole, whole, *3 * [pointer]]),
         "XQueryExtension": (whole, [pointer, ctypes.c_char_p, *3 * [pointer]]),
         "XSetErrorHandler": (pointer, [pointer]),
         "XPending": (whole, [pointer]),
         "XNextEvent": (whole, [pointer, pointer]),
         "XGetEventData": (whole, [pointer, pointer]),
         "XFreeEventData": (None, [pointer, pointer]),
+        "XSendEvent": (whole, [pointer, window, whole, ctypes.c_long, pointer]),
         "XFlush": (whole, [pointer]),
         "XFree": (whole, [pointer]),
     }

@@ -481,7 +481,7 @@ def test_a_bad_scene_fails_before_taichi_is_imported(scene):
 class ScriptedWindow:
     """Stands for a window: runs to the end, goes back, runs a part, and is closed."""
 
-    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None, look=""):
+    def __init__(self, spec, size=(0, 0), *, title="", panels=None, desk=None, glass=None, **more):
         self.title, self.panels, self.desk, self.glass, self.handed_on = title, panels, desk, glass, False
 
     def run(self, simulation, *, steps_per_frame=1, paused=False):

@@ -100,6 +100,8 @@ class Reader:
             return synopsis(words)
         words = _with_verb(words)
         given = _parser().parse_args(words)
+        if given.verb == "run" and given.scene is None:
+            return  # it opens a window with a list of scenes: tests/views/test_empty_window.py
         self.scene = getattr(given, "scene", None) or self.scene
         if given.verb in PARSED_ONLY:
             for scene in getattr(given, "scenes", [getattr(given, "scene", None)]):

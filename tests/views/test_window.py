@@ -176,10 +176,13 @@ class Session:
 
     def picture(self) -> np.ndarray:
         """What the window shows, shape (360, 640, 3)."""
+        return self.whole()[CORNER[1] : CORNER[1] + WINDOW[1], CORNER[0] : CORNER[0] + WINDOW[0]]
+
+    def whole(self) -> np.ndarray:
+        """The picture of the whole screen."""
         path = self.folder / "screen.png"
         subprocess.run(["import", "-window", "root", str(path)], env=self.environment, check=True, timeout=20)
-        screen = np.asarray(Image.open(path).convert("RGB")).astype(int)
-        return screen[CORNER[1] : CORNER[1] + WINDOW[1], CORNER[0] : CORNER[0] + WINDOW[0]]
+        return np.asarray(Image.open(path).convert("RGB")).astype(int)
 
     def is_compiling(self, seen: np.ndarray) -> bool:
         """Whether the window shows the picture that is there while a scene is being compiled."""

@@ -6,6 +6,7 @@ from pictures import frame_of
 
 from mpp_taichi.views.few_trails import MOST_PIECES, FewTrails
 from mpp_taichi.views.looks import MOST_PARTICLES, is_film
+from mpp_taichi.views.method_box import MethodBox
 from mpp_taichi.views.paper import GRIP, RIM, ROW, Mouse, Paper
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import Knob, SliderPanel
@@ -30,7 +31,7 @@ def test_boxes_lie_beside_the_picture_where_there_is_room(size):
 @pytest.mark.parametrize("size", [(1, 1), (2, 50), (16, 16), (24, 40), (300, 20), (959, 2000), (1280, 720)])
 def test_a_window_of_any_size_has_boxes(size):
     knob = Knob("k", "k", 0.0, 1.0, False, lambda: 0.5)
-    boxes = WindowBoxes(SliderPanel([knob]), SceneList(lambda: ["a", "b"], "a"))
+    boxes = WindowBoxes(SliderPanel([knob]), SceneList(None), MethodBox(None))
     boxes.scenes.toggle()
     boxes.begin()
     texts = {"caption": (), "legend": ("long " * 50,), "picked": ("p",), "status": ["a", "b"], "look": "as in films"}

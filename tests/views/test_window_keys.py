@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from test_window import WINDOW, Session, display
+from test_window import CORNER, WINDOW, Session, display
 from test_window_desk import GRAB, PIXEL, pixels
 
 from mpp_taichi.views.controls import HELP, MANY_STEPS, ZOOM_PER_HEIGHT
@@ -27,7 +27,7 @@ forces: [{uniform_gravity: {acceleration: [0, 0, 0]}}]
 integrator: {leapfrog: {dt: 0.01}}
 run: {duration: 1000}
 view: {camera: {position: [0, 0, 8], look_at: [0, 0, 0], up: [0, 1, 0]}}
-sliders: [{set: 'forces.uniform_gravity.acceleration[1]', from: -2, to: 0, label: g}]
+sliders: [{set: 'forces.uniform_gravity.acceleration[1]', from: -2, to: 0, label: g, keys: [b, m]}]
 """
 PROGRAM = """
 from mpp_taichi import Simulation
@@ -118,6 +118,7 @@ def test_every_other_key_does_what_the_help_says(display, tmp_path):
         drags(hand)
         pace_and_the_way_back(hand)
         following_the_center(hand)
+        steering(hand)
         assert pixels(hand.picture()[:, :300], GRAB)[2] > 50, "a slider is there"
         hand.press("v")
         hand.wait_for(lambda: pixels(hand.picture()[:, :300], GRAB)[2] == 0)
@@ -160,6 +161,25 @@ def camera_keys(hand):
     hand.press("r")
     position, look_at, above, _ = hand.camera()
     assert (*position, *look_at, *above) == (0, 0, 8, 0, 0, 0, 0, 1, 0)
+    hand.press("alt", "Right", seconds=0.3)
+    hand.press("shift", "Up", seconds=0.3)
+    position, look_at, above, _ = hand.camera()
+    assert (position[:2] > 0.1).all() and (position - look_at)[2] == 8, "aside and up, with the same line of sight"
+    hand.press("r")
+    hand.press("ctrl", "shift", "Left", seconds=0.3)
+    position, look_at, above, _ = hand.camera()
+    assert above[0] < -0.05 and (*position, *look_at) == (0, 0, 8, 0, 0, 0), "rolled"
+    hand.press("r")
+    hand.tool("mousemove", CORNER[0] + WINDOW[0] // 2 + DRAGGED, CORNER[1] + WINDOW[1] // 2)
+    for action in ("keydown ctrl", "mousedown 1", "mouseup 1", "keyup ctrl"):
+        hand.tool(*action.split())
+        time.sleep(0.1)
+    position, look_at, above, _ = hand.camera()
+    aside = DRAGGED * PIXEL / np.hypot(8.0, DRAGGED * PIXEL)  # the sine of the angle
+    np.testing.assert_allclose((look_at - position)[0] / np.linalg.norm(look_at - position), aside, atol=2.5 * PIXEL / 8.0)
+    np.testing.assert_allclose(position, [0, 0, 8], atol=1e-4)
+    hand.press("r")
+    assert not hand.steps()[0], "no arrow with these keys is a step of the run"
 
 
 def drags(hand):
@@ -215,6 +235,19 @@ def following_the_center(hand):
     hand.wait_for(lambda: hand.steps()[0][-1] == start + MANY_STEPS + 1)
     np.testing.assert_allclose(hand.camera()[1], there, atol=1e-9)
     hand.press("r")
+
+
+def steering(hand):
+    """A letter that is held moves its slider to an end, and the log has the move."""
+    before = hand.steps()[0][-1]
+    hand.tool("keydown", "b")
+    time.sleep(0.3)
+    hand.press("Right")
+    hand.press("l")
+    hand.tool("keyup", "b")
+    (path,) = hand.wait_for(lambda: list(hand.folder.glob("out/scene_log_*.yaml")))
+    (move,) = yaml.safe_load(path.read_text(encoding="utf-8"))["timeline"]
+    assert move == {"at": pytest.approx(0.01 * before), "set": {"forces.uniform_gravity.acceleration[1]": -2.0}}
 
 
 def test_the_page_of_the_window_tells_every_key_of_the_help():
