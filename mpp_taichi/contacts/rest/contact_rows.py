@@ -230,7 +230,8 @@ class ContactRows:
             self.impact[c] = 1
             self.when[c] = when
             self.normal[c] = n
-            self.gap[c] = ti.max(self.gap[c], 0.0) if when == 0.0 else when * n.dot(u)
+            if when > 0.0:
+                self.gap[c] = when * n.dot(u)
         elif ti.static(self.walls.segment_count > 0):
             if j < -self.walls.plain_count:
                 self.gap[c], self.normal[c] = self.walls.support(-1 - j, x, self.radius[i], time)

@@ -173,14 +173,18 @@ class RestingStep:
 
     @ti.func
     def begin_rest(self, state: Template, h, after_impacts):
-        """Begin the problem of all entries: none may approach farther than its gap by the end of the drift."""
+        """Begin the problem of all entries: none may approach farther than its gap by the end of the drift.
+
+        What impacts overlap is left to the ways: a speed that ends it would add energy to every bounce.
+        """
         for i in range(self.particle_count):
             if after_impacts == 0:
                 self.solver.base[i] = state.velocity[i]
         for i in range(self.particle_count):
             self.missed[i] = self._missed(i, h) if after_impacts == 1 else 0.0
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
-                self.solver.offset[c] = self.rows.gap[c] / h
+                gap = self.rows.gap[c]
+                self.solver.offset[c] = (ti.max(gap, 0.0) if self.rows.impact[c] == 1 else gap) / h
 
     @ti.func
     def _missed(self, i, h):
@@ -220,6 +224,7 @@ class RestingStep:
             hit = False
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
                 self.rows.impulse[c] = 0.0
+                self.solver.offset[c] = self.rows.gap[c] / h
                 if ti.static(self.solver.compliance > 0.0):
                     self.solver.offset[c] = self.solver.offset[c] + self.solver.softness[0] * self.rows.resting[c]
                 if self.rows.given[c] > 0.0:
