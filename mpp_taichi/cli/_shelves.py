@@ -10,7 +10,7 @@ from mpp_taichi.importers.catalogue import is_recognised
 from mpp_taichi.scene.bundled import SUFFIXES as SCENE_FILES
 from mpp_taichi.scene.bundled import bundled_scenes, from_here
 from mpp_taichi.scene.catalogue import TOPICS, listed
-from mpp_taichi.views.scene_list import ListRow, Place
+from mpp_taichi.views.scene_list import ListRow, Shelf
 
 OUTSIDE = ".."
 STATE, STATE_MARK = ".npz", "meta.npy"  # of a saved state; trajectories and tables have no such part
@@ -69,7 +69,7 @@ class Program:
 class Topic:
     """The scenes of the program on a topic."""
 
-    outside: Place
+    outside: Shelf
     topic: str
 
     @property
@@ -99,7 +99,7 @@ class Beginning:
         return [*_topics_in(self), *(row for row in Folder(self.folder).rows() if row.name != PROGRAM)]
 
 
-def _topics_in(place: Place) -> Sequence[ListRow]:
+def _topics_in(place: Shelf) -> Sequence[ListRow]:
     """A row for each topic that has a scene; the way out of a topic leads to `place`."""
     topics = {each.topic for each in listed(bundled_scenes().values())}
     return [ListRow(each, place=Topic(place, each)) for each in TOPICS if each in topics]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpp_taichi.views.method_box import Methods
-from mpp_taichi.views.scene_list import Place
+from mpp_taichi.views.scene_list import Shelf
 from mpp_taichi.views.slider_panel import Knob
 from mpp_taichi.views.window_film import Tape, no_film
 
@@ -51,7 +51,7 @@ class Desk:
     save: Callable[[], str] = _nothing_saved
     log: Callable[[], str] = _nothing_saved
     film: Callable[[tuple[int, int], float], Tape] = no_film
-    place: Place | None = None
+    place: Shelf | None = None
     title_of: Callable[[Path], str] = _no_title
     open: Callable[[Path], str] = _nothing_opened
     present: Path | None = None

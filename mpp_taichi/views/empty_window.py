@@ -11,7 +11,7 @@ from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.ggui import probe
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.paper import RIM, Mouse, Paper
-from mpp_taichi.views.scene_list import Place, SceneList
+from mpp_taichi.views.scene_list import SceneList, Shelf
 from mpp_taichi.views.waiting import waiting_picture
 from mpp_taichi.views.window_settings import KeptChanges, WindowSettings
 
@@ -36,7 +36,7 @@ class EmptyWindow:
 
     def __init__(
         self,
-        place: Place,
+        place: Shelf,
         title_of: Callable[[Path], str],
         open: Callable[[Path], str],
         loss: DisplayLoss,

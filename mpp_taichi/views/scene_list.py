@@ -17,8 +17,8 @@ INSIDE = "/"  # behind the name of a row that leads to a place
 Box = tuple[float, float, float, float]
 
 
-class Place(Protocol):
-    """A folder, or another collection of scenes. Places that hold the same rows are equal."""
+class Shelf(Protocol):
+    """A folder, or another collection of scenes. Shelves that hold the same rows are equal."""
 
     @property
     def name(self) -> str:
@@ -34,7 +34,7 @@ class ListRow:
 
     name: str
     file: Path | None = None
-    place: Place | None = None
+    place: Shelf | None = None
 
 
 class ListGui(Protocol):
@@ -54,7 +54,7 @@ class SceneList:
     """
 
     def __init__(
-        self, place: Place | None, present: Path | None = None, title_of: Callable[[Path], str] = lambda file: ""
+        self, place: Shelf | None, present: Path | None = None, title_of: Callable[[Path], str] = lambda file: ""
     ) -> None:
         """The list is hidden at first; without a place it is empty."""
         self.place, self.present, self._title_of = place, present, title_of
@@ -157,7 +157,7 @@ class SceneList:
         if self.rows and self.rows[0].place is not None and self.rows[0].name == "..":
             self._choose(0)
 
-    def _enter(self, place: Place | None, is_marked: Callable[[ListRow], bool]) -> None:
+    def _enter(self, place: Shelf | None, is_marked: Callable[[ListRow], bool]) -> None:
         """Show a place; a place that cannot be read leaves the list as it is."""
         self.message = ""
         try:

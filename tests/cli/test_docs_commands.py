@@ -9,6 +9,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from doc_commands import ROOT, Block, blocks, pages
@@ -16,6 +17,8 @@ from test_convert import PLANETS
 
 from mpp_taichi import MppError
 from mpp_taichi.cli.main import VERBS, _parser, _with_verb, main
+from mpp_taichi.passport.carried import carrying
+from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.model import scene_model, select
 from mpp_taichi.start.assemble import assemble
@@ -31,11 +34,13 @@ SHORTER = {
     "schema": [],
     "scenes": [],
     "new": [],
+    "passport": [],
 }
 PARSED_ONLY = {
     "check": "minutes for a folder: tests/scenes/test_bundled_scenes.py runs the scenes, tests/cli/test_check.py the verb",
     "explain": "times every effect, 8 s of compiling: tests/cli/test_explain.py runs it",
     "compare": "starts a process for each backend: tests/compare/test_compare_verb.py runs it",
+    "verify": "takes minutes: tests/verify/test_verify.py runs it",
 }
 DONE_ONCE = ("run", "record", "accuracy")
 """Verbs that are run for real once for each set of options; then the scene is loaded and placed, and a run tried dry."""
@@ -60,6 +65,9 @@ def folder(tmp_path_factory):
         patch.chdir(made)
         assert main(["convert", "scenes/cluster.yaml", "galaxy.tipsy"]) == 0
         assert main(["convert", "scenes/sun_earth.yaml", "system.plist"]) == 0
+    # A film that a run has written, with its passport.
+    with carrying({"title": "Film"}), VideoRecorder(made / "film.mp4", (32, 32), 2.0) as film:
+        film.write(np.zeros((32, 32, 3), np.uint8))
     return made
 
 
@@ -104,7 +112,8 @@ class Reader:
             return  # it opens a window with a list of scenes: tests/views/test_empty_window.py
         self.scene = getattr(given, "scene", None) or self.scene
         if given.verb in PARSED_ONLY:
-            for scene in getattr(given, "scenes", [getattr(given, "scene", None)]):
+            scenes = getattr(given, "scenes", [getattr(given, "scene", None)])
+            for scene in [each for each in scenes if each is not None]:
                 assert Path(scene).exists(), f"{scene} is not there"
                 if is_answers(Path(scene)):
                     read_answers(Path(scene))
