@@ -4,10 +4,10 @@ import pytest
 
 from mpp_taichi.verify.case import Case
 from mpp_taichi.verify.case_result import SOLVED, examine
-from mpp_taichi.verify.cases import spheres, springs
+from mpp_taichi.verify.cases import heaps, networks, spheres, springs
 from mpp_taichi.verify.place import Place
 
-CASES = [each for module in (springs, spheres) for each in vars(module).values() if isinstance(each, Case)]
+CASES = [each for module in (springs, networks, spheres, heaps) for each in vars(module).values() if isinstance(each, Case)]
 
 
 @pytest.mark.sampled(4)
