@@ -36,7 +36,7 @@ def study(tmp_path_factory):
     problem = pose(spec)
     store = Store(tmp_path_factory.mktemp("study"), identity(problem, problem.span, "test"))
     wishes = StudyWishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog")
-    found = Study(problem, store, Budget(60.0), wishes, after_sweep=FilmChecks().run)
+    found = Study(problem, store, Budget(15.0), wishes, after_sweep=FilmChecks().run)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(film_checks, "FILM", FILM)
         found.run()

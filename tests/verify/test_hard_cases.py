@@ -9,7 +9,7 @@ from mpp_taichi.verify.place import Place
 GROUPS = ("forces", "gravity", "springs", "networks", "spheres", "heaps", "numerics")
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "case", [each for each in cases() if each.group in GROUPS], ids=lambda case: f"{case.group}: {case.name}"
 )
