@@ -100,7 +100,7 @@ def endless(place: Place) -> Found:
     return Found(float(max(wrong)), 8.0 * bound, "64 roundings of velocities up to 1 and of places up to 4, of the two errors")
 
 
-@case("A column of ten spheres neither sinks nor moves", "statics", quick=True, solved_in=REAL)
+@case("A column of ten spheres neither sinks nor moves", "statics", solved_in=REAL)
 def column(place: Place) -> Found:
     """At rest on a floor under gravity, for a thousand steps, by the solver for resting spheres."""
     count, dt = 10, 1.0 / 64.0

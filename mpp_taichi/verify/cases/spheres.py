@@ -103,7 +103,6 @@ def one_on_two(place: Place) -> Found:
 @case(
     "The break of 15 touching balls is symmetric and keeps energy and momentum",
     "mirror image; conservation",
-    quick=True,
     solved_in=REAL,
 )
 def rack_break(place: Place) -> Found:

@@ -109,7 +109,6 @@ def largest_step(place: Place) -> Found:
 @case(
     "A spring of rest length zero is an isotropic oscillator, also straight through its other end",
     "x₀ cos ωt + v₀/ω sin ωt",
-    quick=True,
     solved_in=EVERYWHERE,
 )
 def zero_rest_length(place: Place) -> Found:
