@@ -62,7 +62,7 @@ def _checked(simulation: "Simulation", request: Request) -> "Simulation":
 def start_another(found: FileScene, *, device: "Device", request: Request, goal: Goal | None = None) -> Started:
     """Start the simulation of another scene on the device of the window; its steps are checked.
 
-    `goal` is the length of its run, by default that of the scene.
+    `goal` is the length of its run, by default the length that the scene says.
 
     Raises:
         MppError: the scene cannot be run.

@@ -1,4 +1,4 @@
-"""Pictures that a file of another program names: those that lie beside it go into the scene, and a line tells of the others."""
+"""Pictures that a file of another program names: a picture beside the file goes into the scene, a line tells of others."""
 
 import logging
 import os
@@ -11,7 +11,7 @@ MOST_TOLD = 6  # in a line
 
 
 class Pictures:
-    """Finds pictures beside a file, and collects what is left out of the scene, by the reason."""
+    """Finds pictures beside a file, and collects the names of the pictures that the scene leaves out, by the reason."""
 
     def __init__(self, source: str) -> None:
         """Look for pictures in the folder of the file and below it."""
@@ -19,7 +19,7 @@ class Pictures:
         self._left: dict[str, list[str]] = {}
 
     def find(self, name: str, what: str) -> str | None:
-        """The path of a picture relative to the folder, or None, after a note of what is left out, where there is no such file.
+        """The path of a picture relative to the folder. Without such a file None, and the picture is noted as left out.
 
         Separators of Windows, and separators written twice, are read as one; capitals need not agree.
         """

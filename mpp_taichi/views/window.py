@@ -86,7 +86,7 @@ class Window:
 
         With the `glass` of another Window, the window keeps its place and its size. `loss` answers the loss of the display;
         without it the process ends as Xlib and Taichi end it. `look` is one of LOOKS.
-        What is left open (not `look`, and no setting among the `decided` ones) is taken from the `settings` of the last window,
+        A setting that is neither `look` nor among the `decided` settings is taken from the `settings` of the last window,
         which are given the changes that the user makes.
 
         Raises:

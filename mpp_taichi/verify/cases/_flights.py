@@ -14,6 +14,13 @@ from mpp_taichi.verify.bounds import rounded
 from mpp_taichi.verify.case import Found
 from mpp_taichi.verify.place import Place, sound
 
+REAL = ("f64", "f32")
+BY_EVENT = "event by event in long double, in NumPy"
+TOGETHER = "simultaneous"  # resolves spheres that touch as a group
+STEPPING_PAIRS = "pairwise"
+MERGING = "merging"
+FALLING = ("event_driven", "located")  # follow a fall under gravity to its contact
+
 EXACT = ("event_driven", "located", "simultaneous", "swept")
 """Solvers that find each contact at its exact time."""
 SHIFT = 1e-9  # of a second start, by which the growth of errors is measured

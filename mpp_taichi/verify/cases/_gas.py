@@ -145,7 +145,7 @@ def virial_series(packing: float, dimensions: int) -> tuple[float, float]:
 def of_finite(state: Callable[[float], float], packing: float, count: int) -> float:
     """Z of so many spheres in a periodic box, from Z(η) of infinitely many.
 
-    Z_N = Z − S η (η Z)″ / 2N with S = 1/(η Z)′: the mean over the grand canonical ensemble is that of the infinite system,
+    Z_N = Z − S η (η Z)″ / 2N with S = 1/(η Z)′: the mean over the grand canonical ensemble is the value of the infinite system,
     and a fixed number takes away half of the variance of the number times the second derivative of the pressure.
     Source: Lebowitz & Percus, Phys. Rev. 124 (1961) 1673. Terms of 1/N² are left out.
     """
@@ -156,7 +156,7 @@ def of_finite(state: Callable[[float], float], packing: float, count: int) -> fl
 
 
 def slowing(freedoms: int) -> float:
-    """Mean size of a component of a velocity of fixed total energy over that of the normal distribution of the same variance.
+    """Mean size of a velocity component at a fixed energy, over its mean size in the normal distribution of this variance.
 
     √(n/2) Γ(n/2) / Γ((n + 1)/2) for n degrees of freedom, 1 + 1/4n for many.
     """

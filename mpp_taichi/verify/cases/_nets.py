@@ -10,6 +10,11 @@ from mpp_taichi.verify.bounds import rounding
 from mpp_taichi.verify.case import Found
 from mpp_taichi.verify.place import Place, sound
 
+SPLITTING, SPLIT_STAGES = "kahan_li8", 17
+RUNGE_KUTTA = "rk4"  # errs by (ω dt)⁵/120 of an oscillation in a step; a position is rounded once in a step
+MODES = "normal modes of the linear chain, by eigenvectors in double precision"
+EXTRAPOLATED = "extrapolated midpoint rule of order 16 in long double, in NumPy"
+
 COLUMNS = (2, 4, 6, 8, 10, 12, 14, 16)  # parts of a step, whose results are extrapolated
 SHIFT = 1e-6  # of a second start, by which the growth of errors is measured
 

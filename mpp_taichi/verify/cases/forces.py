@@ -5,24 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.verify.case import Case, Found, case
+from mpp_taichi.verify.cases._random_bodies import GRID, random_bodies
 from mpp_taichi.verify.place import Place
 
-GRID = 2.0**-10  # places are multiples of it, so that every precision holds them exactly
 OF_A_PAIR = 10.0  # roundings of the force of a pair, at most
 SOURCE = "a sum over pairs in NumPy in double precision"
-EVERYWHERE = ("f64", "f32", "f32c", "ds", "df64")
-
-
-def _bodies(count: int, *, charged: bool = False, seed: int = 1) -> list[dict[str, Any]]:
-    random = np.random.default_rng(seed)
-    places = np.round(random.uniform(-1, 1, (count, 3)) / GRID) * GRID
-    masses = np.round(random.uniform(0.5, 2.0, count) / GRID) * GRID
-    charges = np.round(random.uniform(-1, 1, count) / GRID) * GRID
-    bodies = [{"mass": float(m), "position": [float(x) for x in place]} for m, place in zip(masses, places)]
-    if charged:
-        bodies = [body | {"charge": float(q)} for body, q in zip(bodies, charges)]
-    return [{"body": body} for body in bodies]
 
 
 def _pair_sum(position: np.ndarray, weight: np.ndarray, softening: float) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +35,7 @@ def _sum_bound(place: Place, count: int) -> tuple[float, str]:
 def _gravity_of(count: int, *, quick: bool) -> Case:
     def ask(place: Place) -> Found:
         forces = [{"newtonian_gravity": {"strength": 1.0, "softening": 0.125}}]
-        scene = {"particles": _bodies(count), "forces": forces, "integrator": {"leapfrog": {"dt": 2.0**-10}}}
+        scene = {"particles": random_bodies(count), "forces": forces, "integrator": {"leapfrog": {"dt": 2.0**-10}}}
         with place.simulation(scene) as simulation:
             found, start = simulation.accelerations(), simulation.start
         wanted, sizes = _pair_sum(start.position, start.mass, 0.125)
@@ -54,18 +43,18 @@ def _gravity_of(count: int, *, quick: bool) -> Case:
         return Found(reached, *_sum_bound(place, count))
 
     title = f"The gravity of {count:,} bodies is the sum over all pairs"
-    return Case(f"gravity_of_{count}", "forces", title, SOURCE, ask, quick, EVERYWHERE)
+    return Case(f"gravity_of_{count}", "forces", title, SOURCE, ask, quick, PRECISIONS)
 
 
 GRAVITY = [_gravity_of(count, quick=count in (2, 257)) for count in (2, 255, 256, 257, 1025)]
 
 
-@case("Charges attract and repel as the sum over all pairs says", SOURCE, quick=True, solved_in=EVERYWHERE)
+@case("Charges attract and repel as the sum over all pairs says", SOURCE, quick=True, solved_in=PRECISIONS)
 def charges(place: Place) -> Found:
     """Charges of both signs; the acceleration is q_i Σ −q_j d/d³ over the mass."""
     count = 64
     scene = {
-        "particles": _bodies(count, charged=True),
+        "particles": random_bodies(count, charged=True),
         "forces": [{"coulomb": {"coulomb_constant": 0.5, "softening": 0.125}}],
         "integrator": {"leapfrog": {"dt": 2.0**-10}},
     }
@@ -81,12 +70,12 @@ def charges(place: Place) -> Found:
     "Springs pull as the textbook sum says",
     "Hooke's law with friction along the springs, in NumPy",
     quick=True,
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def springs(place: Place) -> Found:
     """200 springs between 64 bodies that move."""
     random = np.random.default_rng(3)
-    bodies = _bodies(64, seed=3)
+    bodies = random_bodies(64, seed=3)
     speeds = np.round(random.uniform(-1, 1, (64, 3)) / GRID) * GRID
     for entry, velocity in zip(bodies, speeds):
         entry["body"]["velocity"] = [float(v) for v in velocity]
@@ -115,12 +104,12 @@ def springs(place: Place) -> Found:
     return Found(reached, *_sum_bound(place, int(np.bincount(np.array(pairs).ravel()).max())))
 
 
-@case("Internal forces add up to nothing", "Newton's third law", quick=True, solved_in=EVERYWHERE)
+@case("Internal forces add up to nothing", "Newton's third law", quick=True, solved_in=PRECISIONS)
 def third_law(place: Place) -> Found:
     """|Σ m a| over Σ m |a| of 257 bodies under gravity and with charges."""
     count = 257
     scene = {
-        "particles": _bodies(count, charged=True),
+        "particles": random_bodies(count, charged=True),
         "forces": [
             {"newtonian_gravity": {"strength": 1.0, "softening": 0.125}},
             {"coulomb": {"coulomb_constant": 0.5, "softening": 0.125}},
@@ -138,7 +127,7 @@ def third_law(place: Place) -> Found:
 def gradient(place: Place) -> Found:
     """Gravity, charges and springs of 12 bodies; the potential energy along a direction against the force."""
     scene = {
-        "particles": _bodies(12, charged=True, seed=5),
+        "particles": random_bodies(12, charged=True, seed=5),
         "springs": [{"link": {"between": [k, k + 1], "stiffness": 4.0, "rest_length": 0.75}} for k in range(11)],
         "forces": [
             {"newtonian_gravity": {"strength": 1.0, "softening": 0.125}},

@@ -6,15 +6,8 @@ import numpy as np
 
 from mpp_taichi.verify.bounds import rounded
 from mpp_taichi.verify.case import Found, case
-from mpp_taichi.verify.cases._flights import after, balls, solvers, three_in_a_row, weight
+from mpp_taichi.verify.cases._flights import FALLING, REAL, STEPPING_PAIRS, after, balls, solvers, three_in_a_row, weight
 from mpp_taichi.verify.place import Place, sound
-
-REAL = ("f64", "f32")
-BY_EVENT = "event by event in long double, in NumPy"
-TOGETHER = "simultaneous"  # resolves spheres that touch as a group
-STEPPING_PAIRS = "pairwise"
-MERGING = "merging"
-FALLING = ("event_driven", "located")  # follow a fall under gravity to its contact
 
 
 @case("Spheres that overlap too much are refused, or separated at their velocities", "rules of a scene", solved_in=REAL)

@@ -5,23 +5,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.verify.bounds import rounding
 from mpp_taichi.verify.case import Found, case
-from mpp_taichi.verify.cases._nets import ends_of, hanging_row, one_spring, row, sheet, swing
+from mpp_taichi.verify.cases._nets import (
+    EXTRAPOLATED,
+    MODES,
+    RUNGE_KUTTA,
+    SPLIT_STAGES,
+    SPLITTING,
+    ends_of,
+    hanging_row,
+    one_spring,
+    row,
+    sheet,
+    swing,
+)
 from mpp_taichi.verify.place import Place, sound
-
-SPLITTING, SPLIT_STAGES = "kahan_li8", 17
-RUNGE_KUTTA = "rk4"  # errs by (ω dt)⁵/120 of an oscillation in a step; a position is rounded once in a step
-EVERYWHERE = ("f64", "f32", "ds", "f32c", "df64")
-MODES = "normal modes of the linear chain, by eigenvectors in double precision"
-EXTRAPOLATED = "extrapolated midpoint rule of order 16 in long double, in NumPy"
 
 
 @case(
     "Small waves of a taut membrane have the frequencies of the lattice",
     "ω² = (T/m d) [4 sin²(rπ/2n) + 4 sin²(sπ/2n)]",
     quick=True,
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def membrane(place: Place) -> Found:
     """Three modes at once on seven by seven cells, d = ¼, stretched to twice the rest length; about a period of the slowest."""
@@ -45,7 +52,7 @@ def membrane(place: Place) -> Found:
 @case(
     "A mass among four slack springs swings with the period that grows with the inverse of its amplitude",
     "4 ∫ dz/ż by Gauss–Legendre quadrature; T A → 4 · 1.31103 d √(m/D)",
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def slack_springs(place: Place) -> Found:
     """Without tension there is no linear mode; after a quarter of the period the mass passes through the plane."""
@@ -64,7 +71,7 @@ def slack_springs(place: Place) -> Found:
     return Found(abs(position[4, 2]) / amplitude, bound, f"{why}: half of a rounding of d over the stretch, A²/2d")
 
 
-@case("A net that hangs in the shape of equilibrium stays there", "Newton's method on the forces", solved_in=EVERYWHERE)
+@case("A net that hangs in the shape of equilibrium stays there", "Newton's method on the forces", solved_in=PRECISIONS)
 def sagging_net(place: Place) -> Found:
     """Five by five cells under a load that makes it sag, without friction: what rounding moves, and no more."""
     net = replace(sheet((6, 6), spacing=0.25, stiffness=32.0, mass=0.25, stretch=1.25), gravity=(0.0, 0.0, -2.0))
@@ -96,7 +103,7 @@ def cantilever(place: Place) -> Found:
     return Found(error, left + rounded, why)
 
 
-@case("A chain of 64 links hangs in its polygon", "one unknown, the pull along x, by bisection", solved_in=EVERYWHERE)
+@case("A chain of 64 links hangs in its polygon", "one unknown, the pull along x, by bisection", solved_in=PRECISIONS)
 def hanging_chain(place: Place) -> Found:
     """It begins at rest in the closed form, and has to stay there without friction."""
     links, stiffness, mass, steps, dt = 64, 2048.0, 1.0 / 64.0, 400, 1.0 / 1024.0
@@ -110,7 +117,7 @@ def hanging_chain(place: Place) -> Found:
     return Found(error, found.bound + pushed, f"{found.because}; and roundings of two springs, D u L, that push for t²/2")
 
 
-@case("Waves of a chain run by the dispersion of the lattice", MODES, quick=True, solved_in=EVERYWHERE)
+@case("Waves of a chain run by the dispersion of the lattice", MODES, quick=True, solved_in=PRECISIONS)
 def chain_waves(place: Place) -> Found:
     """A pulse on 201 masses, narrow enough to spread: ω = 2 √(D/m) |sin(kd/2)|; the motion along a line is exactly linear."""
     net, time, steps = row(201), 50.0, 400
@@ -123,7 +130,7 @@ def chain_waves(place: Place) -> Found:
     return swing(place, error, steps=steps, stages=SPLIT_STAGES, phase=2.0 * time, size=2.0 * 100.0, amplitude=0.25)
 
 
-@case("Masses in the ratio of a million move as their equations say", EXTRAPOLATED, solved_in=EVERYWHERE)
+@case("Masses in the ratio of a million move as their equations say", EXTRAPOLATED, solved_in=PRECISIONS)
 def unlike_masses(place: Place) -> Found:
     """Masses of 2⁻¹⁰ on either side of a mass of 2¹⁰ in the plane, for 20 periods; the heavy one is near the origin."""
     net = row(3, stiffness=16.0, mass=np.array([2.0**-10, 2.0**10, 2.0**-10]), held=())
@@ -135,7 +142,7 @@ def unlike_masses(place: Place) -> Found:
     return swing(place, error, steps=steps, stages=SPLIT_STAGES, phase=128.0 * time, size=1.25, amplitude=0.375, growth=growth)
 
 
-@case("A chain that is turned inside out moves as its equations say", EXTRAPOLATED, solved_in=EVERYWHERE)
+@case("A chain that is turned inside out moves as its equations say", EXTRAPOLATED, solved_in=PRECISIONS)
 def inverted_chain(place: Place) -> Found:
     """Of three masses between walls one was pushed through its neighbour, a little aside."""
     net = row(5)
@@ -147,7 +154,7 @@ def inverted_chain(place: Place) -> Found:
     return swing(place, error, steps=steps, stages=SPLIT_STAGES, phase=2.0 * time, size=2.0, growth=growth)
 
 
-@case("A spring stretched a hundredfold keeps its energy where it turns over", "conservation of energy", solved_in=EVERYWHERE)
+@case("A spring stretched a hundredfold keeps its energy where it turns over", "conservation of energy", solved_in=PRECISIONS)
 def huge_stretch(place: Place) -> Found:
     """The mass shoots through the held end, where the force jumps by 2 D L."""
     dt, worst, energy = 0.05, 0.0, 0.5 * 99.0**2
@@ -160,7 +167,7 @@ def huge_stretch(place: Place) -> Found:
     return Found(worst, bound, f"(ω dt)²/4 by leapfrog, and in {passages} passages each a jump of 2 at a speed of 99 for dt/2")
 
 
-@case("Axes that are held keep their bits and take no part", "the same bits", quick=True, solved_in=EVERYWHERE)
+@case("Axes that are held keep their bits and take no part", "the same bits", quick=True, solved_in=PRECISIONS)
 def held_axes(place: Place) -> Found:
     """A membrane that moves along z only, thrown along x and y as well."""
     net = sheet((6, 6), spacing=0.3, stiffness=30.0, mass=1.0, stretch=1.5)
@@ -180,7 +187,7 @@ def held_axes(place: Place) -> Found:
 @case(
     "Damping along a spring leaves rotation alone, and full damping brakes it",
     "r × u of the pair: constant, or e^(−ct/μ), in any motion",
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def damped_rotation(place: Place) -> Found:
     """Masses of 1 and 3 that turn about each other and stretch their spring."""

@@ -7,10 +7,11 @@ import numpy as np
 
 from mpp_taichi.device.thread_count import processors
 from mpp_taichi.errors import MppError, StabilityError
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.verify.bounds import rounding
 from mpp_taichi.verify.case import Found, case
+from mpp_taichi.verify.cases._random_bodies import random_bodies
 from mpp_taichi.verify.cases._two_bodies import orbit, period
-from mpp_taichi.verify.cases.forces import EVERYWHERE, _bodies
 from mpp_taichi.verify.place import Place
 
 BITS = "comparison of all bits"
@@ -19,7 +20,7 @@ EXACT = "no bit may differ"
 
 def _cluster(count: int) -> dict[str, Any]:
     forces = [{"newtonian_gravity": {"strength": 1.0, "softening": 0.125}}]
-    return {"particles": _bodies(count), "forces": forces, "integrator": {"leapfrog": {"dt": 2.0**-8}}}
+    return {"particles": random_bodies(count), "forces": forces, "integrator": {"leapfrog": {"dt": 2.0**-8}}}
 
 
 def _end(place: Place, scene: dict[str, Any], steps: int) -> np.ndarray:
@@ -33,14 +34,14 @@ def _differing(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.count_nonzero(first.view(np.uint64) != second.view(np.uint64)))
 
 
-@case("A run repeated has the same bits", BITS, quick=True, solved_in=EVERYWHERE)
+@case("A run repeated has the same bits", BITS, quick=True, solved_in=PRECISIONS)
 def repeated(place: Place) -> Found:
     """300 bodies, 20 steps, compiled and run twice."""
     ends = [_end(place, _cluster(300), 20) for _ in range(2)]
     return Found(_differing(*ends), 0.0, EXACT)
 
 
-@case("The bits of a run do not depend on the number of threads", BITS, quick=True, solved_in=EVERYWHERE)
+@case("The bits of a run do not depend on the number of threads", BITS, quick=True, solved_in=PRECISIONS)
 def threads(place: Place) -> Found:
     """1,200 bodies, 5 steps, on one thread and on two, and on three where there are so many processors."""
     if place.backend != "cpu":
@@ -52,7 +53,7 @@ def threads(place: Place) -> Found:
     return Found(max(_differing(ends[0], each) for each in ends[1:]), 0.0, EXACT)
 
 
-@case("A run in two parts has the bits of a run in one", BITS, solved_in=EVERYWHERE)
+@case("A run in two parts has the bits of a run in one", BITS, solved_in=PRECISIONS)
 def in_two_parts(place: Place) -> Found:
     """40 bodies, 100 steps at once, or 37 and 63."""
     with place.simulation(_cluster(40)) as simulation:
@@ -64,7 +65,7 @@ def in_two_parts(place: Place) -> Found:
         return Found(_differing(once, simulation.snapshot().position), 0.0, EXACT)
 
 
-@case("An effect of strength zero changes no bit", BITS, quick=True, solved_in=EVERYWHERE)
+@case("An effect of strength zero changes no bit", BITS, quick=True, solved_in=PRECISIONS)
 def nothing(place: Place) -> Found:
     """Charges with a constant of zero, and a drag of zero, beside gravity."""
     plain = _cluster(40)
@@ -76,7 +77,7 @@ def nothing(place: Place) -> Found:
     "A reversible method returns after 10⁴ steps there and back",
     "reversibility of the leapfrog",
     quick=True,
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def there_and_back(place: Place) -> Found:
     """An orbit of eccentricity 0.5, 100 revolutions of 100 steps forwards, and as many backwards."""
@@ -91,7 +92,7 @@ def there_and_back(place: Place) -> Found:
     return Found(back, bound, why)
 
 
-@case("The time after n steps is n steps", "t = n dt", quick=True, solved_in=EVERYWHERE)
+@case("The time after n steps is n steps", "t = n dt", quick=True, solved_in=PRECISIONS)
 def time(place: Place) -> Found:
     """30,000 steps of 0.1 of a body that flies alone."""
     body = {"body": {"mass": 1.0, "position": [0, 0, 0], "velocity": [0.5, 0, 0]}}
@@ -105,7 +106,7 @@ def time(place: Place) -> Found:
     "A number that is no longer finite is told with its particle",
     "an explicit step beyond the limit of a spring",
     quick=True,
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def not_finite(place: Place) -> Found:
     """The amplitude grows (2.6 times in a step) until numbers overflow; the run has to stop there, or to be refused before."""

@@ -8,15 +8,20 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.verify.bounds import rounded
 from mpp_taichi.verify.case import Found, case
-from mpp_taichi.verify.cases._flights import EXACT, after, balls, flight, rack, solvers
+from mpp_taichi.verify.cases._flights import (
+    BY_EVENT,
+    EXACT,
+    MERGING,
+    REAL,
+    STEPPING_PAIRS,
+    TOGETHER,
+    after,
+    balls,
+    flight,
+    rack,
+    solvers,
+)
 from mpp_taichi.verify.place import Place
-
-REAL = ("f64", "f32")
-BY_EVENT = "event by event in long double, in NumPy"
-TOGETHER = "simultaneous"  # resolves spheres that touch as a group
-STEPPING_PAIRS = "pairwise"
-MERGING = "merging"
-FALLING = ("event_driven", "located")  # follow a fall under gravity to its contact
 
 
 @case(

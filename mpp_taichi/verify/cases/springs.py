@@ -5,22 +5,28 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.verify.case import Found, case
-from mpp_taichi.verify.cases._nets import double_pendulum, ends_of, one_spring, row, swing
+from mpp_taichi.verify.cases._nets import (
+    EXTRAPOLATED,
+    MODES,
+    RUNGE_KUTTA,
+    SPLIT_STAGES,
+    SPLITTING,
+    double_pendulum,
+    ends_of,
+    one_spring,
+    row,
+    swing,
+)
 from mpp_taichi.verify.place import Place, sound
-
-SPLITTING, SPLIT_STAGES = "kahan_li8", 17
-RUNGE_KUTTA = "rk4"  # errs by (ω dt)⁵/120 of an oscillation in a step; a position is rounded once in a step
-EVERYWHERE = ("f64", "f32", "ds", "f32c", "df64")
-MODES = "normal modes of the linear chain, by eigenvectors in double precision"
-EXTRAPOLATED = "extrapolated midpoint rule of order 16 in long double, in NumPy"
 
 
 @case(
     "A mass on a spring follows the closed form without friction, and with weak, critical and strong friction",
     "x = e^(−γt) (x₀ C + (v₀ + γ x₀) S), with S = t where γ = ω",
     quick=True,
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def oscillator(place: Place) -> Found:
     """Four masses side by side, friction 0, ¼, 2 and 4, for a time of 4."""
@@ -66,7 +72,7 @@ def strong_friction(place: Place) -> Found:
     return Found(error, bound, why)
 
 
-@case("A stiff double pendulum moves as its equations say", EXTRAPOLATED, quick=True, solved_in=EVERYWHERE)
+@case("A stiff double pendulum moves as its equations say", EXTRAPOLATED, quick=True, solved_in=PRECISIONS)
 def stiff_pendulum(place: Place) -> Found:
     """D = 5000 and 5, for 22 periods of the stiff spring."""
     net, time, steps = double_pendulum(5000.0), 2.0, 1000
@@ -109,7 +115,7 @@ def largest_step(place: Place) -> Found:
 @case(
     "A spring of rest length zero is an isotropic oscillator, also straight through its other end",
     "x₀ cos ωt + v₀/ω sin ωt",
-    solved_in=EVERYWHERE,
+    solved_in=PRECISIONS,
 )
 def zero_rest_length(place: Place) -> Found:
     """An ellipse, and a straight line through the centre, for 20 radians."""
@@ -122,7 +128,7 @@ def zero_rest_length(place: Place) -> Found:
     return swing(place, worst, steps=steps, stages=SPLIT_STAGES, phase=2.0 * time, size=1.0)
 
 
-@case("A spring whose ends coincide exerts nothing", "no direction: a straight flight", quick=True, solved_in=EVERYWHERE)
+@case("A spring whose ends coincide exerts nothing", "no direction: a straight flight", quick=True, solved_in=PRECISIONS)
 def coincident_ends(place: Place) -> Found:
     """Two masses at one place with one velocity, their spring fully compressed; all numbers of the flight are exact."""
     bodies = [{"body": {"mass": m, "position": [1, 2, 3], "velocity": [0.25, 0, -0.5]}} for m in (1.0, 5.0)]
@@ -131,7 +137,7 @@ def coincident_ends(place: Place) -> Found:
     return Found(float(np.abs(position - [3.0, 2.0, -1.0]).max()), 0.0, "steps of 2⁻⁸ and 2⁻⁷ are exact: no rounding at all")
 
 
-@case("Springs that make no sense are refused", "rules of a scene", quick=True, solved_in=EVERYWHERE)
+@case("Springs that make no sense are refused", "rules of a scene", quick=True, solved_in=PRECISIONS)
 def impossible_springs(place: Place) -> Found:
     """A spring from a mass to itself, to a mass that is not there, to a free end without mass, and of negative stiffness."""
     bodies = [{"body": {"mass": m, "position": [x, 0, 0]}} for x, m in ((0.0, 1.0), (1.0, 1.0), (2.0, 0.0))]
@@ -151,7 +157,7 @@ def impossible_springs(place: Place) -> Found:
     return Found(float(taken), 0.0, f"none of {len(wrong)} such springs may run")
 
 
-@case("Two springs side by side are one spring of both stiffnesses", "D₁ + D₂", solved_in=EVERYWHERE)
+@case("Two springs side by side are one spring of both stiffnesses", "D₁ + D₂", solved_in=PRECISIONS)
 def side_by_side(place: Place) -> Found:
     """Springs of 1 and 2 with dampings of 1/8 and 1/4, the second written from its other end."""
     steps, dt, ends = 300, 1.0 / 64.0, []
