@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 NOT_VERIFIED = "not verified"
+LONGEST_TITLE = 1000  # letters: the comment of a ZIP archive has room for 65,535 bytes
 VERSIONS = {"mpp_taichi": __version__, "taichi": TAICHI_VERSION, "numpy": np.__version__, "python": platform.python_version()}
 
 
@@ -27,7 +28,7 @@ def passport_facts(spec: SceneSpec, simulation: "Simulation") -> dict[str, Any]:
     """What the files of a run came from; no path and no name of a person or machine is among it."""
     device = simulation.device
     return {
-        "title": spec.title,
+        "title": spec.title[:LONGEST_TITLE],
         "scene_file": Path(spec.source).name,
         "scene_sha256": scene_digest(spec),
         **VERSIONS,

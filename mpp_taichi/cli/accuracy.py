@@ -6,7 +6,6 @@ the first one ended.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import __version__, component
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
+from mpp_taichi.cli._reports import write_report
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
@@ -140,16 +140,9 @@ def execute(arguments: argparse.Namespace) -> int:
 def _write(folder: Path, found: dict[str, Any], study: "Study", phases: "PhaseStudies") -> list[str]:
     """Write accuracy.json and accuracy.html."""
     from mpp_taichi.accuracy.report import page
-    from mpp_taichi.atomic_file import whole_file
 
-    texts = {
-        "accuracy.json": json.dumps(plain(found), indent=1, allow_nan=False),
-        "accuracy.html": page(found, study.rows(), [phase.study.rows() for phase in phases.found]),
-    }
-    for name, text in texts.items():
-        with whole_file(folder / name, "the report") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return [str(folder / name) for name in texts]
+    text = page(found, study.rows(), [phase.study.rows() for phase in phases.found])
+    return write_report(folder, "accuracy", found, text)
 
 
 def _report(found: dict[str, Any], study: "Study", phases: "PhaseStudies", arguments: argparse.Namespace) -> None:

@@ -6,7 +6,6 @@ DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by 
 """
 
 import argparse
-import json
 import textwrap
 import time
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import __version__
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._reports import write_report
 from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
@@ -97,14 +97,9 @@ def _known(spec: "SceneSpec", wishes: "ComparisonWishes", arguments: argparse.Na
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
     """Write compare.json and compare.html."""
-    from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.compare.report import page
 
-    texts = {"compare.json": json.dumps(found, indent=1, allow_nan=False), "compare.html": page(found)}
-    for name, text in texts.items():
-        with whole_file(folder / name, "the report") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return [str(folder / name) for name in texts]
+    return write_report(folder, "compare", found, page(found))
 
 
 def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:

@@ -6,11 +6,11 @@ where a number is beyond its bound. A verification that was cut off goes on with
 """
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._reports import write_report
 from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names
@@ -134,14 +134,9 @@ def _ask(questions: "list[Question]", missing: dict[str, str], arguments: argpar
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
     """Write verify.json and verify.html."""
-    from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.verify.page import page
 
-    texts = {"verify.json": json.dumps(found, indent=1, allow_nan=False), "verify.html": page(found)}
-    for name, text in texts.items():
-        with whole_file(folder / name, "the report") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return [str(folder / name) for name in texts]
+    return write_report(folder, "verify", found, page(found))
 
 
 def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
