@@ -26,6 +26,7 @@ from mpp_taichi.scene import (
     timeline,
 )
 from mpp_taichi.scene import overrides as override
+from mpp_taichi.scene.acting import acting
 from mpp_taichi.scene.bundled import scene_file
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -126,7 +127,7 @@ def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSp
     spec = references.resolve(spec, tree, faults)
     check_together(spec, tree, faults)
     faults.raise_if_any()
-    return spec, [event.at for event in validated.timeline]
+    return replace(spec, forces=acting(spec.forces)), [event.at for event in validated.timeline]
 
 
 def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:

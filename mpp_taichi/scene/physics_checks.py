@@ -6,10 +6,11 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.acting import is_switched_off
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
-from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
@@ -115,7 +116,7 @@ def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> It
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """Two particles at one place, between which an unsoftened force has no value."""
     for entry in spec.forces_with("singular_at_zero_distance"):
-        if entry.parameters.get("softening", 0.0) != 0.0 or _is_switched_off(entry):
+        if entry.parameters.get("softening", 0.0) != 0.0 or is_switched_off(entry):
             continue
         charged = entry.flag("forces", "proportional_to_charge")
         interacting = np.flatnonzero(snapshot.charge) if charged else np.arange(snapshot.particle_count)
@@ -131,12 +132,6 @@ def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -
                 else f": {entry.name} is infinite there"
             )
             yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere{cure}")
-
-
-def _is_switched_off(force: ComponentSpec) -> bool:
-    """Whether a parameter that the force is proportional to is zero."""
-    parameters = component.declaration("forces", force.name).parameters
-    return any(each.strength and force.parameters[each.name] == 0.0 for each in parameters)
 
 
 def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

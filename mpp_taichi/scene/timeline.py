@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides, sliders
 from mpp_taichi.scene.contacts import merges
@@ -15,7 +14,7 @@ from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
-from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec, SliderSpec
+from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.wording.told_apart import told_apart
 
 EVENTS_ALLOWED = 50  # of phases that change more than parameters of sliders: such a phase is compiled and kept
@@ -37,12 +36,12 @@ def with_phases(
     """
     node = tree.get("timeline")
     if node is None or not times:
-        return replace(spec, forces=_acting(spec.forces))
+        return spec
     _check_times(spec, times, node, faults)
     faults.raise_if_any()
     given = [(at, entry.value["set"], entry.location) for at, entry in zip(times, node.value, strict=True)]
     events = _events(spec, given, without_timeline(tree), faults, check)
-    whole = replace(spec, forces=_acting(spec.forces), timeline=events)
+    whole = replace(spec, timeline=events)
     _check_steps(whole, node, faults)
     faults.raise_if_any()
     return whole
@@ -67,7 +66,7 @@ def with_change(
     faults.raise_if_any()
     events = _events(first, given, bare, faults, check)
     written = [{"at": event.at, "set": event.changes} for event in events]
-    return replace(first, forces=_acting(first.forces), timeline=events, resolved={**bare.plain(), "timeline": written})
+    return replace(first, timeline=events, resolved={**bare.plain(), "timeline": written})
 
 
 def without_timeline(tree: Node) -> Node:
@@ -84,7 +83,7 @@ def _events(
 ) -> tuple[Event, ...]:
     """The events of a timeline given as times, settings and places; `now` is the tree before the first event."""
     events: list[Event] = []
-    scene = replace(spec, forces=_acting(spec.forces), resolved=now.plain())
+    scene = replace(spec, resolved=now.plain())
     pending: dict[SliderSpec, float] = {}  # values of sliders that `now` does not have yet
     for number, (at, changes, location) in enumerate(given):
         key = f"timeline[{number}].set"
@@ -100,7 +99,6 @@ def _events(
         scene = _checked(now, number, check)
         _check_placement(spec, scene, changes, key, faults)
         faults.raise_if_any()
-        scene = replace(scene, forces=_acting(scene.forces))
         events.append(Event(at, changes.plain(), scene, location))
     if not all(event.live for event in events) and any(merges(scene) for scene in (spec, *(event.scene for event in events))):
         what = "cannot be where spheres merge: a later phase would bring back merged spheres"
@@ -201,20 +199,6 @@ def _same(one: Any, other: Any) -> bool:
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same, one, other))
     return bool(one == other)
-
-
-def _acting(forces: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
-    """The forces whose strength is not zero: others are not compiled, and change no bit; a timeline removes an effect so."""
-    return tuple(entry for entry in forces if not _is_nothing(entry))
-
-
-def _is_nothing(entry: ComponentSpec) -> bool:
-    strengths = [each.name for each in component.declaration("forces", entry.name).parameters if each.strength]
-    return not entry.live and any(_is_zero(entry.parameters[name]) for name in strengths)
-
-
-def _is_zero(value: Any) -> bool:
-    return not any(value) if isinstance(value, tuple) else value == 0.0
 
 
 # Steps across phases
