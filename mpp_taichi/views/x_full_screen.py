@@ -13,7 +13,9 @@ Property = Callable[[int, bytes, bytes], bytes | None]
 """The bytes of a property of a window, by its name and its type."""
 
 
-class _ClientMessage(ctypes.Structure):
+class ClientMessage(ctypes.Structure):
+    """`XClientMessageEvent` of Xlib, as large as any event."""
+
     _fields_ = [
         ("type", ctypes.c_int),
         ("serial", ctypes.c_ulong),
@@ -42,7 +44,7 @@ class XFullScreen:
 
     def ask(self, window: int, on: bool) -> None:
         """Ask that a window is, or is no longer, as large as the screen."""
-        message = _ClientMessage(type=CLIENT_MESSAGE, window=window, message_type=self._atom(b"_NET_WM_STATE"), format=32)
+        message = ClientMessage(type=CLIENT_MESSAGE, window=window, message_type=self._atom(b"_NET_WM_STATE"), format=32)
         message.data[:4] = [ADD if on else REMOVE, self._atom(b"_NET_WM_STATE_FULLSCREEN"), 0, FROM_APPLICATION]
         self._x11.XSendEvent(self._display, self._root, 0, SUBSTRUCTURE_MASKS, ctypes.byref(message))
         self._x11.XFlush(self._display)

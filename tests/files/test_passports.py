@@ -89,6 +89,15 @@ def test_the_files_of_a_run_say_what_they_came_from(tmp_path, monkeypatch, capsy
     assert str(tmp_path) not in json.dumps(told)
 
 
+def test_a_title_of_any_length_leaves_room_in_a_passport(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    body = {"body": {"mass": 1, "position": [0, 0, 0]}}
+    scene = {"title": "é" * 20_000, "particles": [body], "integrator": {"leapfrog": {"dt": 0.1}}, "run": {"steps": 1}}
+    (tmp_path / "long.yaml").write_text(json.dumps(scene), encoding="utf-8")
+    assert main(["run", "long.yaml", "--headless", "--quiet", "--backend", "cpu", "--snapshot", "s.npz"]) == 0
+    assert set(passport_of(tmp_path / "s.npz")["title"]) == {"é"}
+
+
 def test_a_verdict_counts_for_the_versions_and_the_device_that_it_was_made_with(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert verified("cpu", "f64", "this") == "not verified"

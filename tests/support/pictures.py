@@ -11,6 +11,17 @@ from mpp_taichi.views.offscreen import open_offscreen
 SIZE = (320, 180)
 BLACK = (0.0, 0.0, 0.0)
 
+SCENE_WITH_VIEW = """particles:
+  - body: {name: sun, mass: 1, position: [0, 0, 0]}
+  - body: {name: moon, mass: 1, position: [1, 0, 0]}
+forces: []
+integrator: {leapfrog: {dt: 0.1}}
+run: {duration: 1}
+view:
+  VIEW
+"""
+"""A scene of two bodies whose view is put in place of VIEW."""
+
 FRONT = CameraSpec(position=(0.0, 0.0, 10.0), look_at=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
 
 

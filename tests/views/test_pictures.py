@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import taichi as ti
-from pictures import BLACK, FRONT, draw, frame_of, view_spec
+from function_values import function_values
+from pictures import BLACK, FRONT, SCENE_WITH_VIEW, draw, frame_of, view_spec
 from PIL import Image
 
 from mpp_taichi.device import backends
@@ -73,17 +73,6 @@ def test_moons_are_drawn_farther_out_and_larger_and_nothing_else_moves() -> None
     assert Appearance(ViewSpec()).dress(frame) is frame
 
 
-SCENE = """particles:
-  - body: {name: sun, mass: 1, position: [0, 0, 0]}
-  - body: {name: moon, mass: 1, position: [1, 0, 0]}
-forces: []
-integrator: {leapfrog: {dt: 0.1}}
-run: {duration: 1}
-view:
-  VIEW
-"""
-
-
 @pytest.mark.parametrize(
     ("view", "fault"),
     [
@@ -105,7 +94,7 @@ view:
 )
 def test_faults_of_a_view_are_told_with_their_place(tmp_path, view: str, fault: str) -> None:
     path = tmp_path / "scene.yaml"
-    path.write_text(SCENE.replace("VIEW", view), encoding="utf-8")
+    path.write_text(SCENE_WITH_VIEW.replace("VIEW", view), encoding="utf-8")
     with pytest.raises(SceneError) as caught:
         load_scene(path)
     assert fault in str(caught.value), caught.value
@@ -113,7 +102,7 @@ def test_faults_of_a_view_are_told_with_their_place(tmp_path, view: str, fault: 
 
 def test_names_of_a_view_become_indices(tmp_path) -> None:
     view = "bodies: {moon: {around: sun, distance_scale: 2}}\n  color_by: {group: }\n  arrows: {of: [moon]}"
-    (tmp_path / "scene.yaml").write_text(SCENE.replace("VIEW", view), encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(SCENE_WITH_VIEW.replace("VIEW", view), encoding="utf-8")
     found = load_scene(tmp_path / "scene.yaml").view
     assert found.bodies == {(1, 1): BodyViewSpec(around=0, distance_scale=2.0)}
     assert found.color_by is not None and found.color_by.group == GroupColorsSpec(of=(("sun", 0, 1), ("moon", 1, 1)))
@@ -261,20 +250,7 @@ def test_a_body_turns_by_its_period_about_its_axis(cpu, tmp_path) -> None:
 
 def test_share_of_a_disk_that_another_covers(cpu) -> None:
     cases = [(1.0, 0.5, 0.2), (1.0, 0.5, 0.9), (1.0, 2.0, 1.5), (0.3, 0.3, 0.4), (1.0, 0.5, 1.6), (0.01, 0.5, 0.495)]
-    a, b, c = (np.array(column, np.float32) for column in zip(*cases))
-    found = np.zeros(len(cases), np.float32)
-
-    @ti.kernel
-    def measure(
-        a: ti.types.ndarray(ti.f32, ndim=1),
-        b: ti.types.ndarray(ti.f32, ndim=1),
-        c: ti.types.ndarray(ti.f32, ndim=1),
-        found: ti.types.ndarray(ti.f32, ndim=1),
-    ):
-        for k in range(found.shape[0]):
-            found[k] = covered_share(a[k], b[k], c[k])
-
-    measure(a, b, c, found)
+    found = function_values(covered_share, cases)
     grid = np.linspace(-1.0, 1.0, 801)
     x, y = np.meshgrid(grid, grid)
     disk = x * x + y * y < 1.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import taichi as ti
+from function_values import function_values
 from pictures import FRONT, draw, frame_of, view_spec
 from PIL import Image
 
@@ -82,20 +82,7 @@ def test_the_planet_hides_the_ring_behind_it_and_the_ring_the_planet_behind_it(c
 
 def test_light_scattered_in_a_ring_is_the_sum_over_its_depth(cpu) -> None:
     cases = [(d, e, s) for d in (0.05, 0.8, 6.0) for e in (0.2, 0.7) for s in (0.2, 0.45, 0.7, -0.2, -0.45, -0.7)]
-    depth, eye, light = (np.array(column, np.float32) for column in zip(*cases))
-    found = np.zeros(len(cases), np.float32)
-
-    @ti.kernel
-    def measure(
-        depth: ti.types.ndarray(ti.f32, ndim=1),
-        eye: ti.types.ndarray(ti.f32, ndim=1),
-        light: ti.types.ndarray(ti.f32, ndim=1),
-        found: ti.types.ndarray(ti.f32, ndim=1),
-    ):
-        for k in range(found.shape[0]):
-            found[k] = scattered(depth[k], eye[k], light[k])
-
-    measure(depth, eye, light, found)
+    found = function_values(scattered, cases)
     expected = []
     for d, e, s in cases:
         t = (np.arange(4000) + 0.5) / 4000 * d

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pictures import FRONT, draw, frame_of, view_spec
+from pictures import FRONT, SCENE_WITH_VIEW, draw, frame_of, view_spec
 from PIL import Image
 
 from mpp_taichi.device import backends
@@ -188,16 +188,6 @@ def test_level_ground_is_lit_as_without_slopes_and_slopes_make_no_light_at_night
 
 # Scenes
 
-SCENE = """particles:
-  - body: {name: sun, mass: 1, position: [0, 0, 0]}
-  - body: {name: moon, mass: 1, position: [1, 0, 0]}
-forces: []
-integrator: {leapfrog: {dt: 0.1}}
-run: {duration: 1}
-view:
-  VIEW
-"""
-
 
 @pytest.mark.parametrize(
     ("view", "fault"),
@@ -219,7 +209,7 @@ def test_faults_of_maps_are_told_with_their_place(tmp_path, view: str, fault: st
         path = tmp_path / name
         Image.fromarray(noise).save(path)
         path.write_bytes(path.read_bytes()[:-2000])
-    (tmp_path / "scene.yaml").write_text(SCENE.replace("VIEW", view), encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(SCENE_WITH_VIEW.replace("VIEW", view), encoding="utf-8")
     with pytest.raises(SceneError) as caught:
         load_scene(tmp_path / "scene.yaml")
     assert fault in str(caught.value), caught.value

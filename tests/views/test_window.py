@@ -25,6 +25,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.overlay import overlay_layer
 from mpp_taichi.views.renderer import Renderer
 from mpp_taichi.views.waiting import waiting_picture
+from mpp_taichi.views.x_full_screen import ClientMessage
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -363,20 +364,6 @@ def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path:
         session.close()
 
 
-class _ClientMessage(ctypes.Structure):
-    _fields_ = [
-        ("type", ctypes.c_int),
-        ("serial", ctypes.c_ulong),
-        ("send_event", ctypes.c_int),
-        ("display", ctypes.c_void_p),
-        ("window", ctypes.c_ulong),
-        ("message_type", ctypes.c_ulong),
-        ("format", ctypes.c_int),
-        ("data", ctypes.c_long * 5),
-        ("padding", ctypes.c_long * 24),
-    ]
-
-
 def click_close_button(display: str, window: int) -> None:
     """Send what a window manager sends when its close button is clicked."""
     library = ctypes.util.find_library("X11")
@@ -390,7 +377,7 @@ def click_close_button(display: str, window: int) -> None:
     x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
     connection = x11.XOpenDisplay(display.encode())
     protocols, delete = (x11.XInternAtom(connection, name, 0) for name in (b"WM_PROTOCOLS", b"WM_DELETE_WINDOW"))
-    message = _ClientMessage(type=33, window=window, message_type=protocols, format=32)
+    message = ClientMessage(type=33, window=window, message_type=protocols, format=32)
     message.data[0] = delete
     x11.XSendEvent(connection, window, 0, 0, ctypes.byref(message))
     x11.XCloseDisplay(connection)
