@@ -23,21 +23,20 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parent)]  # so that it also runs from a checkout
 
 from benchmark_targets import BUNDLED, OWN, SCENES, delivered, timed  # noqa: E402
 from long_double_reference import reference_end  # noqa: E402
 
+from mpp_taichi.accuracy.budget import Budget  # noqa: E402
 from mpp_taichi.accuracy.choice import choose  # noqa: E402
 from mpp_taichi.accuracy.methods import LOOKS  # noqa: E402
 from mpp_taichi.accuracy.problem import pose  # noqa: E402
+from mpp_taichi.accuracy.reference import size_of  # noqa: E402
 from mpp_taichi.accuracy.sample import Configuration  # noqa: E402
+from mpp_taichi.accuracy.workbench import Workbench  # noqa: E402
 from mpp_taichi.errors import StabilityError  # noqa: E402
-from mpp_taichi.horizon.contact_search import size_of  # noqa: E402
 from mpp_taichi.scene.load import load_scene  # noqa: E402
-from mpp_taichi.simulation.simulation import Simulation  # noqa: E402
 
 
 @contextlib.contextmanager
@@ -64,30 +63,11 @@ def chosen(spec, span, folder, pilot):
     return found, made, time.process_time() - began
 
 
-def size_of_run(spec):
-    """Root mean square distance of the moving particles from their mean, over the run as the scene has it."""
-    recorder = Places()
-    with Simulation(spec, backend="cpu") as simulation:
-        simulation.run(recorders=[recorder], judge="off")
-    return size_of(np.array(recorder.places))
-
-
-class Places:
-    """Keeps the places of the moving particles, LOOKS times in a run."""
-
-    def __init__(self):
-        """Nothing was seen."""
-        self.places, self._next = [], 0.0
-
-    def steps_until_due(self, simulation):
-        """Until the next look."""
-        return 0 if simulation.time >= self._next else max(1, round((self._next - simulation.time) / simulation.dt))
-
-    def record(self, simulation):
-        """Keep a look."""
-        now = simulation.snapshot()
-        self.places.append(now.position[now.free.any(axis=1)])
-        self._next += simulation.scene.run.duration / LOOKS if simulation.scene.run.duration else math.inf
+def size_of_run(problem, configuration):
+    """Root mean square distance of the moving particles from their common mean place, over a run that reaches its target."""
+    with Workbench(problem, backend="cpu", precision=configuration.precision) as bench:
+        _, trace = bench.machine(configuration.integrator).run(configuration, Budget(600.0), follow=True)
+    return size_of(trace)
 
 
 def measure(name, digits, count, pilot, folder):
@@ -97,7 +77,6 @@ def measure(name, digits, count, pilot, folder):
     plain = load_scene(path, overrides=changes)
     problem = pose(plain)
     end = reference_end(plain, problem.start, problem.span)
-    size = size_of_run(plain)
     rows, pairs = [], []
     for k in digits:
         spec = load_scene(path, overrides={**changes, "accuracy": 10.0**-k})
@@ -108,7 +87,7 @@ def measure(name, digits, count, pilot, folder):
         pairs.append((quiet, loaded) if both else None)
         row = {"scene": name, "target": 10.0**-k, "pilot_seconds": seconds}
         row |= {"quiet": getattr(quiet, "key", quiet), "busy": getattr(loaded, "key", loaded)}
-        row["error"] = None if found is None else delivered(spec, found, end, size)
+        row["error"] = None if found is None else delivered(spec, found, end, size_of_run(problem, loaded))
         rows.append(row)
     seconds = timed(problem, list(dict.fromkeys(each for pair in pairs if pair for each in pair)))
     for row, pair in zip(rows, pairs):
