@@ -89,7 +89,7 @@ def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Nod
         return path, adding, read_value(value_text, location)
     except SceneError as error:
         places = re.compile(re.escape(location.file) + r":\d+:\d+: ")
-        raise SceneError(*(places.sub(f"{location}: ", fault) for fault in error.faults)) from None
+        raise SceneError(*(places.sub(lambda _: f"{location}: ", fault) for fault in error.faults)) from None
 
 
 def steps(text: str) -> Path:

@@ -109,6 +109,8 @@ def test_an_override_is_split_at_its_first_equals_sign():
         ("a[x]=1", "is no path"),
         ("a[-1]=1", "is no path"),
         ("seed=[1", "not valid YAML"),
+        (r"seed=[1, \2}", "not valid YAML"),
+        (r"seed=[\g<1>\n", "not valid YAML"),
         ("seed=!!int 1", "tag"),
         ("seed=1\x00", "U+0000"),
         ("seed=010", "begins with a zero"),
