@@ -35,7 +35,7 @@ def double_double(places, speeds):
     return np.concatenate([places, -np.asarray(places)]), np.concatenate([speeds, -np.asarray(speeds)])
 
 
-# The inner pairs have a tenth of the period and turn against the pairs: separations by Kepler's third law, and v = ω d/2 about V = ω R.
+# A pair has ten inner turns in a period, against the turn of the pairs. Separations d by Kepler's third law, speeds ω d/2.
 OUTER, INNER = 4.0 ** (1 / 3), (2.0 / 100.0) ** (1 / 3)
 ORBITS = {
     "criss_cross": (criss_cross, [1.076, -0.071], [0.195, -1.232]),
@@ -75,7 +75,8 @@ def main():
         found = root(miss, [*places, *speeds], tol=1e-14)
         state = state_of(*of(found.x[:2], found.x[2:]))
         error = np.abs(after(state, PERIOD) - state).max()
-        print(f"{name}: misses {np.abs(found.fun).max():.1e}, return error {error:.1e}, multiplier {largest_multiplier(state):.4f}")
+        print(f"{name}: misses the axis by {np.abs(found.fun).max():.1e}, return error {error:.1e}")
+        print(f"  largest multiplier {largest_multiplier(state):.4f}")
         for x, v in zip(*of(found.x[:2], found.x[2:])):
             print(f"  x {x:+.17f}  speed {v:+.17f}")
     return 0
