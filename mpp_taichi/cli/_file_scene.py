@@ -12,6 +12,7 @@ from mpp_taichi.errors import MppError, SceneError
 from mpp_taichi.importers.catalogue import import_scene
 from mpp_taichi.recorders.trajectory_file import is_trajectory
 from mpp_taichi.scene.bundled import SUFFIXES, bundled_scenes
+from mpp_taichi.scene.faults import printable
 from mpp_taichi.scene.load import load_resolved, load_scene
 from mpp_taichi.scene.spec import SceneSpec, default_integrator
 from mpp_taichi.simulation.course import course_of
@@ -75,7 +76,7 @@ def _scenes_near(file: Path) -> Iterator[SceneSpec]:
 def _particles_of(file: Path, state: Snapshot) -> dict[str, Any]:
     """A scene of the particles alone."""
     return {
-        "title": f"{file.name}: particles without forces",
+        "title": f"{printable(file.name)}: particles without forces",
         "particles": [{"file": {"path": file.name}}],
         "integrator": {default_integrator(): {"dt": state.dt or STEP}},
     }

@@ -173,7 +173,8 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def output_path(text: str) -> Path:
     """A file to write: no address of a network, no control characters."""
-    if not text.isprintable() or not text.strip():
+    shown = "".join("?" if "\ud800" <= letter <= "\udfff" else letter for letter in text)  # bytes that are no letters here
+    if not shown.isprintable() or not text.strip():
         raise argparse.ArgumentTypeError(f"{text!r} is no name of a file")
     if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(text).parts):
         raise argparse.ArgumentTypeError(f"{text[:40]!r}… is longer than the {LONGEST_NAME} bytes that a name may have")

@@ -17,5 +17,5 @@ def write_report(folder: Path, name: str, found: dict[str, Any], page: str) -> l
     texts = {f"{name}.json": json.dumps(plain(found), indent=1, allow_nan=False), f"{name}.html": page}
     for file, text in texts.items():
         with whole_file(folder / file, "the report") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_text(text, encoding="utf-8", errors="replace")
     return [str(folder / file) for file in texts]

@@ -3,6 +3,7 @@
 import argparse
 import hashlib
 import json
+import os
 import re
 import shutil
 from collections.abc import Sequence
@@ -26,7 +27,7 @@ class Verdicts:
 
     def __init__(self, scenes: Sequence[Path], arguments: argparse.Namespace) -> None:
         """Look for the journal of the same check; see `study_journal`."""
-        name = hashlib.sha256("\n".join(str(scene.absolute()) for scene in scenes).encode()).hexdigest()[:8]
+        name = hashlib.sha256(b"\n".join(os.fsencode(scene.absolute()) for scene in scenes)).hexdigest()[:8]
         known = {option: getattr(arguments, option) for option in OPTIONS}
         self.journal = study_journal(OUTPUT_FOLDER / f"check-{name}.journal", "check", arguments, known)
         self._keys = {scene: f"{scene} {digest(scene)}" for scene in scenes}
@@ -55,7 +56,7 @@ class Verdicts:
         """The archive of the run of a scene, from which a check goes on within the scene; None where none is kept."""
         if self._runs is None:
             return None
-        name = hashlib.sha256((self._keys[scene] + self._facts).encode()).hexdigest()[:16]
+        name = hashlib.sha256(os.fsencode(self._keys[scene] + self._facts)).hexdigest()[:16]
         return self._runs / f"{name}.run"
 
     def _remove_runs(self) -> None:

@@ -52,9 +52,10 @@ def execute(arguments: argparse.Namespace) -> int:
         from mpp_taichi.scene.yaml_limits import decode
 
         text = scene_text(beside(imported, arguments.source, target), f"From {arguments.source.name}.")
-        read_text(decode(text.encode(), str(target)), str(target), Faults())  # refuses what could not be read back
+        written = text.encode(errors="replace")  # a name of a file may have bytes that are no letters
+        read_text(decode(written, str(target)), str(target), Faults())  # refuses what could not be read back
         with whole_file(target, "the scene") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_bytes(written)
     elif suffix != STATE:
         export(source, target)
     elif source.trajectory is not None:

@@ -33,4 +33,4 @@ def export(source: Source, target: Path) -> None:
         if hasattr(exporter, "write"):
             exporter.write(source, temporary)
         else:
-            temporary.write_text(exporter.text(source), encoding="utf-8")
+            temporary.write_text(exporter.text(source), encoding="utf-8", errors="replace")

@@ -7,6 +7,7 @@ from typing import Any
 
 from mpp_taichi.errors import SceneError
 from mpp_taichi.importers._words import Word, words
+from mpp_taichi.scene.faults import printable
 
 SUFFIXES = (".plist",)
 STEP = 0.01  # of a list without dt
@@ -36,7 +37,7 @@ def read(text: str, source: str) -> dict[str, Any]:
         take(found, line[1:])
     if not found.bodies:
         raise SceneError(f"{line[0].location if line else source}: the list has no particle: no line begins with pos")
-    return found.scene(PurePath(source).stem)
+    return found.scene(printable(PurePath(source).stem))
 
 
 @dataclass

@@ -8,6 +8,7 @@ from xml.parsers import expat
 from mpp_taichi.errors import SceneError
 from mpp_taichi.importers._pictures import Pictures
 from mpp_taichi.importers._words import Word
+from mpp_taichi.scene.faults import printable
 from mpp_taichi.scene.location import Location
 from mpp_taichi.wording.told_apart import told_apart
 
@@ -43,7 +44,7 @@ def read(text: str, source: str) -> dict[str, Any]:
     reader.pictures.tell()
     far = max(math.hypot(*body["position"]) for body in reader.bodies) or 1.0
     return {
-        "title": PurePath(source).stem,
+        "title": printable(PurePath(source).stem),
         "particles": [{"body": body} for body in reader.bodies],
         "forces": [{"newtonian_gravity": {"strength": G}}],
         "integrator": {"velocity_verlet": {"dt": reader.dt}},

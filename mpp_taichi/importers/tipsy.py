@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.faults import printable
 from mpp_taichi.snapshot import Snapshot
 
 SUFFIXES = (".tipsy", ".tip", ".std")
@@ -62,7 +63,7 @@ def read(data: bytes, source: str) -> dict[str, Any]:
     columns = zip(state.mass.tolist(), state.position.tolist(), state.velocity.tolist(), state.color.tolist(), strict=True)
     bodies = [{"mass": mass, "position": x, "velocity": v, "color": color} for mass, x, v, color in columns]
     return {
-        "title": PurePath(source).stem,
+        "title": printable(PurePath(source).stem),
         "particles": [{"body": body} for body in bodies],
         "forces": [{"newtonian_gravity": {"strength": G, "softening": softening}}],
         "integrator": {"leapfrog": {"dt": dt}},

@@ -165,7 +165,7 @@ class HtmlRecorder:
         recording = Recording(*found)
         try:
             with whole_file(self.path, "the page") as temporary:
-                temporary.write_text(page(recording), encoding="utf-8")
+                temporary.write_text(page(recording), encoding="utf-8", errors="replace")
         finally:
             self.abandon()
 

@@ -217,7 +217,7 @@ class Result:
         made = result_page.page(self.simulation, self.moments, self._rows, size)
         if path is not None:
             with whole_file(Path(path), "the page") as temporary:
-                temporary.write_text(made, encoding="utf-8")
+                temporary.write_text(made, encoding="utf-8", errors="replace")
         return made
 
     def to_pandas(self, *, particles: bool = False) -> Any:

@@ -23,7 +23,7 @@ def write_log(path: Path, scene: SceneSpec, end: float, comment: str) -> None:
         OutputError: the file cannot be written, or not in this folder.
     """
     with whole_file(path, "the log") as temporary:
-        temporary.write_text(scene_text(_as_mapping(path, scene, end), comment), encoding="utf-8")
+        temporary.write_text(scene_text(_as_mapping(path, scene, end), comment), encoding="utf-8", errors="replace")
 
 
 def _as_mapping(path: Path, scene: SceneSpec, end: float) -> dict[str, Any]:
