@@ -75,3 +75,12 @@ class MeasuredColumns:
             word = re.sub(r"[^\w\[\]]+", "_", label).strip("_")
             found.append(word if word not in found else next(w for k in range(2, 999) if (w := f"{word}_{k}") not in found))
         return tuple(found)
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """The names, each with the unit of its quantity in brackets where it has a unit: `x_of_earth [AU]`."""
+        found = list(self.names)
+        for quantity, column in self._columns.values():
+            if unit := self.setting.unit(quantity.dimension):
+                found[column] += f" [{unit}]"
+        return tuple(found)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.energy.energy_error import EnergyError, ratio, scale_of
-from mpp_taichi.errors import OutputError
+from mpp_taichi.errors import OutputError, SceneError
 from mpp_taichi.quantities._base import Setting
 from mpp_taichi.recorders._measured_columns import MeasuredColumns
 from mpp_taichi.recorders._simulation_sample import SimulationSample
@@ -31,11 +31,13 @@ def asked_columns(simulation: "Simulation") -> MeasuredColumns | None:
     """The columns that `record: {table: {columns: […]}}` of a scene names; None where it names none.
 
     Raises:
-        SceneError: a quantity is not defined for this scene.
+        SceneError: a quantity is not defined for this scene, or its header is to have units and the scene has none.
     """
     table = simulation.spec.record.table
     if table is None:
         return None
+    if table.units and simulation.spec.units is None:
+        raise SceneError(f"{table.location}: record.table.units: the scene names no units; write units: as well")
     found = MeasuredColumns(Setting(simulation.spec, simulation.start))
     for number, entry in enumerate(table.columns):
         found.add(entry, f"record.table.columns[{number}]")
@@ -231,7 +233,9 @@ class TableRecorder:
         valid = self._valid()
         if self.asked is not None:
             table = [(*row["asked"], *more) for row, *more in zip(self.rows, *valid.values(), strict=True)]
-            return [[*self.asked.names, *valid], *([repr(float(value)) for value in row] for row in table)]
+            spec = self.asked.setting.spec.record.table
+            names = self.asked.header if spec is not None and spec.units else self.asked.names
+            return [[*names, *valid], *([repr(float(value)) for value in row] for row in table)]
         derived = self._derived()
         header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]

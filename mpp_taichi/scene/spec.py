@@ -52,10 +52,11 @@ class ComponentSpec:
 
 @dataclass(frozen=True)
 class TableSpec:
-    """The table of a run: a column for each quantity."""
+    """The table of a run: a column for each quantity; `units`: with its unit in the header of a CSV file."""
 
     columns: tuple[ComponentSpec, ...]
     location: Location
+    units: bool = False
 
 
 @dataclass(frozen=True)

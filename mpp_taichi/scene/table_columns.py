@@ -8,6 +8,7 @@ from pydantic import BaseModel, create_model
 from pydantic import Field as Describe
 
 from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.fields import Flag
 from mpp_taichi.scene.inspection import quantity_entry, words_of
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import RecordSpec, TableSpec
@@ -16,11 +17,13 @@ from mpp_taichi.scene.spec import RecordSpec, TableSpec
 def record_model(quantities: Any) -> type[RecordSpec]:
     """The model of `record:` with its table; `quantities` is the type of a list of them."""
     columns = Describe(min_length=1, description="quantities, each written as in inspect:; a column for each, in this order")
+    units = Describe(default=False, description="whether the header of a CSV file names the unit of each column: `time [day]`")
     table: type[BaseModel] = create_model(
         "TableColumns",
         __config__=STRICT,
         __doc__="The columns of the table that `--diagnostics F` writes.",
         columns=(quantities, columns),
+        units=(Annotated[Any, Flag()], units),
     )
     described = Describe(description="the columns of the table that --diagnostics writes; absent: energies, momenta and errors")
     found = make_dataclass(
@@ -50,4 +53,4 @@ def build(validated: Any, node: Node | None) -> RecordSpec:
         return plain
     place = node.value["table"]
     columns = tuple(map(quantity_entry, table.columns, place.value["columns"].value))
-    return replace(plain, table=TableSpec(columns, place.place))
+    return replace(plain, table=TableSpec(columns, place.place, table.units))

@@ -91,3 +91,21 @@ def test_a_column_that_the_scene_cannot_have_is_refused_before_the_run(tmp_path)
     with Simulation(path, backend="cpu") as simulation:
         with pytest.raises(SceneError, match=r"scene.yaml:8:28: record.table.columns\[0\].spring_length: there is no spring"):
             asked_columns(simulation)
+
+
+def test_the_header_has_units_where_the_scene_asks_for_them(tmp_path):
+    columns = "[time, {position: {of: earth, axis: x}}, total_energy, {speed: {of: earth}}, relative_energy_error]"
+    lines = SCENE.replace("{strength: 1}", "{}").strip().splitlines()
+    text = "\n".join([*lines[:-1], f"record: {{table: {{columns: {columns}, units: true}}}}"])
+    scene, found = tmp_path / "orbit.yaml", tmp_path / "orbit.csv"
+    scene.write_text("units: {length: AU, time: day, mass: Msun}\n" + text)
+    assert main(["run", str(scene), "--headless", "--backend", "cpu", "--quiet", "--diagnostics", str(found)]) == 0
+    header = found.read_text(encoding="utf-8").splitlines()[0].split(",")
+    energy = "total_energy [Msun AU²/day²]"
+    assert header == ["time [day]", "x_of_earth [AU]", energy, "speed_of_earth [AU/day]", "relative_energy_error"]
+    scene.write_text(text)
+    with (
+        Simulation(scene, backend="cpu") as simulation,
+        pytest.raises(SceneError, match=r"yaml:7:10: record.table.units: the scene names no"),
+    ):
+        asked_columns(simulation)
