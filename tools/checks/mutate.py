@@ -82,9 +82,9 @@ def parse(arguments):
     return found
 
 
-def sample(asked) -> list[tuple[str, Mutant]]:
-    """The mutants that are asked for, each with the package from which it was drawn."""
-    root, library = asked.root.resolve(), asked.operators == "all"
+def sample(asked, root: Path) -> list[tuple[str, Mutant]]:
+    """The mutants of the tree `root` that are asked for, each with the package from which it was drawn."""
+    library = asked.operators == "all"
     found = []
     for package in asked.package or [Path("mpp_taichi")]:
         drawn = draw(root, modules(root, package), asked.count, asked.seed, library=library)
@@ -96,14 +96,13 @@ def sample(asked) -> list[tuple[str, Mutant]]:
 def main(arguments=None) -> int:
     """Draw, try and tell."""
     asked = parse(arguments)
-    root, mutants = asked.root.resolve(), sample(asked)
-    listed = root / "tools" / "checks" / "mutation" / "equivalent_mutants.yaml"
-    equivalents = Equivalents(listed) if listed.exists() else None
-    rows = []
+    rows: list[dict] = []
     with tempfile.TemporaryDirectory(prefix="mutants_") as folder:
-        package = mutants[0][1].path.parts[0] if mutants else ""
-        tree = Tree(root, Path(folder), package) if not asked.list else None
-        for part, mutant in mutants:
+        tree = Tree(asked.root.resolve(), Path(folder))
+        root = tree.root  # all is read from the copy: the tree itself may change meanwhile
+        listed = root / "tools" / "checks" / "mutation" / "equivalent_mutants.yaml"
+        equivalents = Equivalents(listed) if listed.exists() else None
+        for part, mutant in sample(asked, root):
             source = Source(root, mutant.path)
             reason = equivalents.reason(source, mutant) if equivalents else None
             begin = time.monotonic()

@@ -30,9 +30,9 @@ class Verdict:
 class Tree:
     """A copy of the source tree. The copy is first on the path of every Python that a trial starts."""
 
-    def __init__(self, root: Path, folder: Path, package: str) -> None:
-        """Copy the tree `root` into `folder`; the mutants are those of `package`."""
-        self.root, self.folder, self.package = folder.resolve() / "tree", folder, package
+    def __init__(self, root: Path, folder: Path) -> None:
+        """Copy the tree `root` into `folder`."""
+        self.root, self.folder = folder.resolve() / "tree", folder
         shutil.copytree(root, self.root, ignore=shutil.ignore_patterns(*LEFT_OUT), symlinks=True)
         self.durations: dict[str, float] = {}
         self._sound: dict[str, bool] = {}
@@ -45,29 +45,31 @@ class Tree:
         left_out: list[str] = []
         while True:
             with self._mutated(mutant):
-                found = self._run([str(path) for path in tests], seconds, left_out)
+                found = self._run(mutant.path.parts[0], [str(path) for path in tests], seconds, left_out)
             if found is None:
                 return Verdict("timeout")
+            if found["failed"] is None and found["passed"] == 0:
+                raise SystemExit(f"{mutant.path}: no test ran of {', '.join(map(str, tests)) or 'no file'}\n{found['said']}")
             if found["failed"] is None:
                 return Verdict("survived" if found["finished"] else "unfinished", passed=found["passed"])
-            if self.is_sound(found["failed"], seconds):
+            if self.is_sound(mutant.path.parts[0], found["failed"], seconds):
                 return Verdict("killed", found["failed"], found["reason"], found["passed"])
             left_out.append(found["failed"])
 
-    def is_sound(self, test: str, seconds: float) -> bool:
+    def is_sound(self, package: str, test: str, seconds: float) -> bool:
         """Whether a test, or a file of tests, passes without any mutant."""
         if test not in self._sound:
-            found = self._run([test], seconds)
+            found = self._run(package, [test], seconds)
             self._sound[test] = found is not None and found["failed"] is None
         return self._sound[test]
 
     def _mutated(self, mutant: Mutant):
         return _Replaced(self.root / mutant.path, mutant)
 
-    def _run(self, tests: list[str], seconds: float, left_out: list[str] | None = None) -> dict | None:
+    def _run(self, package: str, tests: list[str], seconds: float, left_out: list[str] | None = None) -> dict | None:
         """What the plugin wrote; None where the run had to be ended from outside."""
         record = self.folder / "trial.json"
-        order = {"root": str(self.root), "package": self.package, "seconds": seconds, "durations": self.durations}
+        order = {"root": str(self.root), "package": package, "seconds": seconds, "durations": self.durations}
         record.write_text(json.dumps(order), encoding="utf-8")
         words = [sys.executable, "-m", "pytest", "-p", "trial_plugin", "-p", "no:cacheprovider", "-x", "-q", "--durations=0"]
         words += ["-n", "0"] if importlib.util.find_spec("xdist") else []
@@ -95,7 +97,7 @@ class Tree:
                 raise SystemExit(f"the tests did not run:\n{said[-2000:]}")
             return {"failed": tests[0], "reason": f"ended by signal {-begun.returncode}", "passed": 0, "finished": True}
         self.durations |= found["durations"]
-        return found
+        return found | {"said": said[-2000:]}
 
 
 class _Replaced:
