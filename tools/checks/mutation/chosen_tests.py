@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+OF_COMPONENTS = "test_scene_schema.py"  # the reference page and the schema, which are made of the components' declarations
 ROOMS = {"exporters": ("files",), "importers": ("files",), "forces": ("forces", "networks"), "networks": ("networks", "forces")}
 
 
@@ -15,7 +16,8 @@ def chosen_tests(root: Path, module: Path) -> list[Path]:
     """
     dotted = ".".join(module.with_suffix("").parts)
     folder, stem = dotted.rsplit(".", 1)
-    words = [re.escape(stem)] if not stem.startswith("_") and "_" in stem or is_component(root / module) else []
+    component = "\n@component" in (root / module).read_text(encoding="utf-8")
+    words = [re.escape(stem)] if component or not stem.startswith("_") and "_" in stem else []
     words += re.findall(r"^(?:class|def) ([A-Za-z]\w{5,})", (root / module).read_text(encoding="utf-8"), re.MULTILINE)
     imports = re.compile(rf"\b{re.escape(dotted)}\b|from {re.escape(folder)} import [^\n]*\b{stem}\b")
     names = re.compile(rf"\b(?:{'|'.join(words)})\b") if words else re.compile(r"(?!)")
@@ -27,7 +29,7 @@ def chosen_tests(root: Path, module: Path) -> list[Path]:
         text, in_room = path.read_text(encoding="utf-8"), path.parent.name in rooms
         if imports.search(text):
             rank = 0
-        elif names.search(text):
+        elif names.search(text) or component and path.name == OF_COMPONENTS:
             rank = 1
         elif in_room:
             rank = 2
@@ -37,8 +39,3 @@ def chosen_tests(root: Path, module: Path) -> list[Path]:
             continue
         ranked.append((rank, not in_room, len(text), path.relative_to(root)))
     return [path for *_, path in sorted(ranked)]
-
-
-def is_component(path: Path) -> bool:
-    """Whether the module declares a component."""
-    return "\n@component" in path.read_text(encoding="utf-8")
