@@ -98,6 +98,13 @@ def test_a_plain_summary_has_these_lines_in_this_order():
     ]
 
 
+def test_what_is_valid_comes_after_the_errors_and_before_the_contacts():
+    found = told(horizon={"sentence": "valid until t = 3"}, contacts=CONTACTS)
+    assert [name for name, _ in found][3:6] == ["errors", "valid", "contact"]
+    off = {"fast_taichi_off": ["launch_cache"], "fast_taichi_reason": "asked for"}
+    assert [name for name, _ in told(**off)][2:5] == ["reached", "off", "errors"]
+
+
 def test_verdicts_files_and_reasons_come_first():
     good = MadeUpVerdict(True, "label", "0.5", "< 1", named="named")
     bad = MadeUpVerdict(False, "other", "3", "> 4", reason="too early")

@@ -12,7 +12,7 @@ none that Python cannot compile. A module is drawn by its length, then a line, a
 The tests run in a copy of the source tree, which is first on the path of every Python that they start; a run in which another
 package would be imported ends at once. Which tests run, in this order, until the first fails or `--seconds` are over:
 
-1. test files that import the module;
+1. test files that import the module, and for a component the test of the schema, which is made of its declaration;
 2. files that name the component, or a class or function of the module, first those of the room of the tests that has the name
    of the module's package;
 3. the other files of this room, then files that import another module of the same package.

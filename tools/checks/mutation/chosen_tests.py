@@ -27,9 +27,9 @@ def chosen_tests(root: Path, module: Path) -> list[Path]:
     ranked = []
     for path in sorted((root / "tests").rglob("test_*.py")):
         text, in_room = path.read_text(encoding="utf-8"), path.parent.name in rooms
-        if imports.search(text):
+        if imports.search(text) or component and path.name == OF_COMPONENTS:
             rank = 0
-        elif names.search(text) or component and path.name == OF_COMPONENTS:
+        elif names.search(text):
             rank = 1
         elif in_room:
             rank = 2
