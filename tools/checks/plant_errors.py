@@ -1,8 +1,9 @@
-"""Does each scene notice a force that is one per cent too strong? Every force and all springs of a scene are so in turn.
+"""Does each scene notice an effect that is one per cent off? Each effect of a scene is planted so in turn.
 
     python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
-An error is caught where an expectation fails that held before. Scenes of hard spheres alone have no force to plant one in.
+Effects are every force, the stiffness of all springs and their damping, which are too strong, and the restitution of spheres
+and that of all walls, which is too low. An error is caught where an expectation fails that held before.
 """
 
 import argparse
@@ -16,6 +17,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tools" / "benchmarks")]  # so that it als
 
 from verdicts import finish  # noqa: E402
 
+from mpp_taichi import component  # noqa: E402
 from mpp_taichi.scene.load import load_scene  # noqa: E402
 
 STRENGTHS = {
@@ -36,19 +38,42 @@ def errors_of(scene, by):
         (name, given) = next(iter(entry.items())) if isinstance(entry, dict) else (entry, None)
         key = STRENGTHS[name]
         yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
-    springs = resolved.get("springs") or ()
-    settings = [
-        f"springs[{number}].{kind}.stiffness={scaled(given['stiffness'], by)}"
-        for number, entry in enumerate(springs)
+    yield from errors_of_springs(resolved, by)
+    yield from errors_of_contacts(resolved, 1.0 / by)
+
+
+def errors_of_springs(resolved, by):
+    """The stiffness of all springs, and the damping of all springs that have any."""
+    entries = [
+        (f"springs[{number}].{kind}", given)
+        for number, entry in enumerate(resolved.get("springs") or ())
         for kind, given in entry.items()
-        if "stiffness" in given
     ]
-    settings += [
-        f"spring_types.{name}.stiffness={scaled(given['stiffness'], by)}"
-        for name, given in (resolved.get("spring_types") or {}).items()
+    entries += [(f"spring_types.{name}", given) for name, given in (resolved.get("spring_types") or {}).items()]
+    for effect, key in (("springs", "stiffness"), ("damping of springs", "damping")):
+        settings = [f"{place}.{key}={scaled(given[key], by)}" for place, given in entries if given.get(key)]
+        if settings:
+            yield effect, settings
+
+
+def errors_of_contacts(resolved, by):
+    """The restitution of spheres, and of all walls, unless it is 0; `by` is below 1, since a restitution may not be above 1."""
+    for solver, given in (resolved.get("contacts") or {}).items():
+        if bounces("contacts", given["solver"]) and given.get("restitution") != 0:
+            yield "contacts", [f"contacts.{solver}.restitution={scaled(given.get('restitution', 1.0), by)}"]
+    walls = [(number, *pair) for number, entry in enumerate(resolved.get("walls") or ()) for pair in entry.items()]
+    settings = [
+        f"walls[{number}].{kind}.restitution={scaled(given.get('restitution', 1.0), by)}"
+        for number, kind, given in walls
+        if bounces("walls", kind) and given.get("restitution") != 0
     ]
     if settings:
-        yield "springs", settings
+        yield "walls", settings
+
+
+def bounces(kind, name):
+    """Whether a solver or a wall has a restitution."""
+    return any(parameter.name == "restitution" for parameter in component.declaration(kind, name).parameters)
 
 
 def scaled(value, by):

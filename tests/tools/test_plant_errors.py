@@ -1,0 +1,70 @@
+"""Errors of one per cent that are planted in scenes: which there are, and that what the scenes expect notices them."""
+
+import random
+import sys
+
+import pytest
+from conftest import ROOT
+
+sys.path[:0] = [str(ROOT / "tools" / "checks")]
+
+import plant_errors  # noqa: E402
+
+# Scenes that run in some seconds and together have most effects.
+QUICK = ("kepler", "newtons_cradle", "one_on_two", "oscillator")
+PLANTS = [
+    (scene, effect, settings)
+    for scene in QUICK
+    for effect, settings in plant_errors.errors_of(ROOT / "scenes" / f"{scene}.yaml", 1.01)
+]
+
+
+def test_every_kind_of_effect_is_planted():
+    assert {"newtonian_gravity", "springs", "damping of springs", "contacts", "walls"} <= {effect for _, effect, _ in PLANTS}
+
+
+def test_an_error_is_planted_in_every_place_of_its_effect():
+    scene = {
+        "particles": [
+            {"body": {"name": name, "mass": 1, "radius": 0.1, "position": [k, 0.5, 0]}} for k, name in enumerate("ab")
+        ],
+        "springs": [
+            {"link": {"between": ["a", "b"], "stiffness": 2, "damping": "0.5"}},
+            {"link": {"between": ["a", "b"], "stiffness": 3}},
+            {"link": {"between": ["b", "a"], "type": "soft"}},
+        ],
+        "spring_types": {"soft": {"stiffness": 4, "damping": 0.25}},
+        "walls": [{"plane": {"point": [0, 0], "normal": [0, 1]}}, {"periodic_box": {"lower": [-9, -9], "upper": [9, 9]}}],
+        "contacts": {"hard_spheres": {"solver": "swept", "restitution": 0.5}},
+        "integrator": {"leapfrog": {"dt": 0.1}},
+        "run": {"steps": 1},
+    }
+    found = dict(plant_errors.errors_of_springs(scene, 1.01)) | dict(plant_errors.errors_of_contacts(scene, 0.99))
+    assert found == {
+        "springs": [
+            "springs[0].link.stiffness=1.01 * (2)",
+            "springs[1].link.stiffness=1.01 * (3)",
+            "spring_types.soft.stiffness=1.01 * (4)",
+        ],
+        "damping of springs": ["springs[0].link.damping=1.01 * (0.5)", "spring_types.soft.damping=1.01 * (0.25)"],
+        "contacts": ["contacts.hard_spheres.restitution=0.99 * (0.5)"],
+        "walls": ["walls[0].plane.restitution=0.99 * (1.0)"],
+    }
+    merging = {"contacts": {"hard_spheres": {"solver": "merging"}}, "walls": [{"plane": {"restitution": 0.5}}]}
+    assert list(plant_errors.errors_of_contacts(merging, 0.5)) == [("walls", ["walls[0].plane.restitution=0.5 * (0.5)"])]
+    sticky = {"contacts": {"hard_spheres": {"solver": "swept", "restitution": 0}}, "walls": [{"plane": {"restitution": 0}}]}
+    assert not list(plant_errors.errors_of_contacts(sticky, 0.5))
+
+
+def test_scenes_notice_two_planted_errors_of_the_day(request):
+    """Drawn by the seed of the tests; without an error the scenes pass, which the tests of scenes see."""
+    for scene, effect, settings in random.Random(request.config.getoption("--seed")).sample(PLANTS, 2):
+        code, failed = plant_errors.run(ROOT / "scenes" / f"{scene}.yaml", settings, ["--backend", "cpu"])
+        assert code == 4 and failed, f"{effect} of {scene} is off by one per cent, and no expectation fails"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("scene, effect, settings", PLANTS, ids=[f"{scene}-{effect}" for scene, effect, _ in PLANTS])
+def test_quick_scenes_notice_every_planted_error(scene, effect, settings):
+    code, failed = plant_errors.run(ROOT / "scenes" / f"{scene}.yaml", settings, ["--backend", "cpu"])
+    assert code == 4 and failed
