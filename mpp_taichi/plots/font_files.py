@@ -140,5 +140,6 @@ def _glyph(font: ImageFont.FreeTypeFont, character: str) -> tuple[float, bytes]:
     """Its advance and its picture; parts of very large letters that do not lie in the picture are left out."""
     height = round(font.size)
     picture = Image.new("RGBA", (2 * height, 2 * height))
-    ImageDraw.Draw(picture).text((height // 2, height * 3 // 2), character, "white", font, anchor="ls", embedded_color=True)
+    place = height // 2, height * 3 // 2
+    ImageDraw.Draw(picture).text(place, character, (255, 255, 255, 255), font, anchor="ls", embedded_color=True)
     return font.getlength(character), picture.tobytes()

@@ -128,7 +128,7 @@ class Lettering:
             return
         scale = self.height / font.size
         letters = Image.new("RGBA", (right - left, bottom - top))
-        ImageDraw.Draw(letters).text((-left, -top), text, "white", font, anchor="ls", embedded_color=True)
+        ImageDraw.Draw(letters).text((-left, -top), text, (255, 255, 255, 255), font, anchor="ls", embedded_color=True)
         size = max(1, round(scale * letters.width)), max(1, round(scale * letters.height))
         letters = letters.resize(size, Image.Resampling.LANCZOS)
         corner = round(place[0] + scale * left), round(place[1] + scale * top)

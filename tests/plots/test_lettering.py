@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image, ImageDraw, ImageFont, features
+from PIL import Image, ImageColor, ImageDraw, ImageFont, features
 
 from mpp_taichi.plots import font_files, lettering
 from mpp_taichi.plots.characters import clusters, needed
 from mpp_taichi.plots.font_files import FontFile, find, holds
 from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.plots.lettering import Lettering, Run, runs
+from mpp_taichi.scene.colors import Color
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 SOURCES = Path(lettering.__file__).parents[1]
@@ -193,3 +194,9 @@ def test_text_is_measured_and_drawn_in_one_place_alone():
     assert len(files) > 500
     assert [(file.name, word) for file in files for word in words if word in file.read_text(encoding="utf-8")] == []
     assert holds(font_of(20), "a")
+
+
+def test_colors_keep_their_names_when_something_was_drawn_with_them():
+    """Pillow replaces the digits of a colour by numbers, in its own table of names, when a picture is drawn with the name."""
+    ImageColor.getrgb("rebeccapurple")
+    assert Color().check("rebeccapurple", None) == (0x66 / 255, 0x33 / 255, 0x99 / 255)
