@@ -30,7 +30,7 @@ BOUND = tuple(f"{OWN}{package}." for package in _BOUND)
 # Data in these packages.
 WALKED = ("Mark", "SavedFields", "SavedAccounts", "Reading", "ContactReport", "RunJudge", "RunFinding", "MasslessWatch")
 # What a view remembers from picture to picture.
-VIEWS = ("Renderer", "ViewWithPanels", "Camera", "Trails", "Appearance", "Coloring", "_Scale", "Marks")
+VIEWS = ("Renderer", "GguiView", "ViewWithPanels", "Camera", "Trails", "Appearance", "Coloring", "_Scale", "Marks")
 PICTURE_MODES = ("L", "RGB")  # of pictures of PIL
 _PLAIN = (type(None), bool, int, float, str, np.ndarray, np.generic)
 _OF_PROCESS = (

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from mpp_taichi.plots import Plot
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.plots.theme import DARK
 from mpp_taichi.scene.spec import ViewSpec
@@ -72,12 +72,12 @@ class TwoHalves(View):
     def _written(self, size: tuple[int, int], captions: tuple[Sequence[str], Sequence[str]], letters: int) -> np.ndarray:
         """The part that is the same in every picture: the captions, each in the middle below its half."""
         ground = Image.new("RGB", size, DARK.background)
-        pen, font = ImageDraw.Draw(ground), font_of(letters)
+        pen = lettering(letters)
         for caption, middle in zip(captions, (self._half / 2, size[0] - self._half / 2)):
             for number, line in enumerate(caption):
-                text = shortened(line, lambda text: font.getlength(text) <= self._half - letters)
+                text = shortened(line, lambda text: pen.width(text) <= self._half - letters)
                 place = (middle, self._rows + letters * (LEADING * number + 0.25))
-                pen.text(place, text, font=font, fill=DARK.text, anchor="ma")
+                pen.write(ground, place, text, DARK.text, anchor="ma")
         return np.asarray(ground)
 
 

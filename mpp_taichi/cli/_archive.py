@@ -17,6 +17,7 @@ from mpp_taichi.errors import StateError
 from mpp_taichi.simulation.moment import go_to
 from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
 from mpp_taichi.simulation.run_output import RunOutput
+from mpp_taichi.views.offscreen import needs_ggui
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -52,6 +53,8 @@ class KeptRun:
             spec = simulation.scene
             size, fps = request.size or spec.record.size, request.fps or spec.record.fps
             options["film"] = {"size": list(size), "fps": fps, "frames": request.frame_count(spec)}
+            if needs_ggui(request.renderer):  # archives of other films are as before there was a choice
+                options["film"]["renderer"] = request.renderer
         self.path = request.archive_at or archive_path(simulation.scene.source)
         self.may_end = request.archive_at is None
         header = header_of(simulation, options)

@@ -10,6 +10,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.views.numbered import OUTPUT_FOLDER
+from mpp_taichi.views.offscreen import RENDERERS
 
 if TYPE_CHECKING:
     from mpp_taichi.scene.spec import SceneSpec
@@ -58,6 +59,12 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--threads", type=thread_count, metavar="N", help="CPU threads; when absent, one on each logical processor"
     )
+
+
+def add_renderer(parser: argparse.ArgumentParser, *, default: str | None = RENDERERS[0]) -> None:
+    """--renderer."""
+    told = "renderer of pictures: the program's own renderer, or GGUI of Taichi, which needs a driver of Vulkan and no display"
+    parser.add_argument("--renderer", default=default, choices=RENDERERS, help=told)
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

@@ -15,6 +15,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.simulation.resume import scene_of
 from mpp_taichi.simulation.run_archive import FoundRun
+from mpp_taichi.views.offscreen import RENDERERS
 from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:
@@ -90,12 +91,16 @@ def _request(
         if excerpt is not None and not goal.endless:
             seconds = max(2.0 / fps, seconds * (excerpt.end - excerpt.begin) / goal.span(spec))
     size = arguments.size or (tuple(film["size"]) if film else None)
+    renderer = arguments.renderer or film.get("renderer") or RENDERERS[0]
+    if arguments.renderer is None and all(path is None for path in (arguments.video, arguments.frames)):
+        renderer = RENDERERS[0]  # a page has no renderer
     own = {} if excerpt is not None else {name: options.get(name) for name in ("until", "steps")}
     return Request(
         **{name: header[name] for name in ("backend", "precision", "plan")},
         **{name: getattr(arguments, name) for name in ("video", "frames", "html", "threads", "quiet")},
         **own,
         size=size,
+        renderer=renderer,
         fps=fps,
         film_seconds=seconds,
         every=options.get("asked_every"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mpp_taichi.cli._excerpt import Excerpt
 from mpp_taichi.cli._options import require_suffix
+from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.recorders._mode_plot import require_matplotlib
 from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
 from mpp_taichi.recorders.html import FORMATS as PAGE_FORMATS
@@ -20,6 +21,8 @@ from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.views.ggui_probe import require_ggui
+from mpp_taichi.views.offscreen import RENDERERS, needs_ggui
 from mpp_taichi.views.window_settings import WindowSettings
 
 if TYPE_CHECKING:
@@ -42,6 +45,7 @@ class Request:
     still: Path | None = None
     html: Path | None = None
     size: tuple[int, int] | None = None
+    renderer: str = RENDERERS[0]
     fps: float | None = None
     film_seconds: float | None = None
     trajectory: Path | None = None
@@ -108,7 +112,7 @@ class Request:
         Raises:
             UsageError: the suffix of a file is no format that the file may have.
             OutputError: a film is wanted and no encoder can write it.
-            BackendError: a plot is wanted and there is no matplotlib.
+            BackendError: a plot is wanted and there is no matplotlib, or pictures of GGUI, which does not work here.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
         require_suffix(self.still, STILL_FORMATS, "--still")
@@ -122,7 +126,17 @@ class Request:
         require_suffix(self.speeds, SPEED_FORMATS, "--speeds")
         require_suffix(self.events, EVENT_FORMATS, "--events")
         require_suffix(self.log, (".yaml", ".yml"), "--log")
+        self._check_renderer()
         if self.video is not None:
             check_encoder(self.video.suffix)
         if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
             require_matplotlib()
+
+    def _check_renderer(self) -> None:
+        if not needs_ggui(self.renderer):
+            return
+        if self.beside is not None:
+            raise UsageError(f"--renderer {self.renderer}: two halves are drawn by --renderer {RENDERERS[0]} only")
+        if all(path is None for path in (self.video, self.frames, self.still)):
+            raise UsageError(f"--renderer {self.renderer} is of pictures, and a page is drawn by the browser: leave it out")
+        require_ggui()

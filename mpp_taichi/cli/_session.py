@@ -258,11 +258,12 @@ class _Run:
         from mpp_taichi.views.panels import Division, ViewWithPanels, narrowed
 
         spec = self.spec
+        drawn: dict[str, Any] = {"dimensions": spec.dimensions, "renderer": self.request.renderer}
         division = Division.of(size, spec.record) if self.inspection is not None else None
         if self.inspection is None or division is None:
-            return open_offscreen(spec.view, size, dimensions=spec.dimensions)
+            return open_offscreen(spec.view, size, **drawn)
         plain = replace(narrowed(spec.view, size, division.scene), caption=False)
-        view = open_offscreen(plain, division.scene, dimensions=spec.dimensions)
+        view = open_offscreen(plain, division.scene, **drawn)
         return ViewWithPanels(view, self.inspection.inspector.plots, division, caption=spec.view.caption)
 
     def _film(self, sinks: Sequence[Any], interruption: Interruption) -> FilmRecorder:

@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="two halves: the scene, and on the right the scene with this change, as in --set; also integrator=NAME, dt=, "
         "backend=, precision=, plan=, threads=; below, their distance; repeatable",
     )
+    _options.add_renderer(parser)
     _options.add_length(parser)
     _options.add_device(parser)
     _options.add_tables(parser)
@@ -76,6 +77,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "html",
         "still",
         "size",
+        "renderer",
         "fps",
         "trajectory",
         "snapshot",

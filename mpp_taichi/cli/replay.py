@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change the view: view.camera.field_of_view=20, record.panels=none; repeatable",
     )
     parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="size of the picture in pixels")
+    _options.add_renderer(parser, default=None)
     parser.add_argument("--threads", type=_options.thread_count, metavar="N", help="threads of the CPU")
     _options.add_report(parser)
     _options.add_verbose(parser)
@@ -61,10 +62,9 @@ def execute(arguments: argparse.Namespace) -> int:
     check_overrides(arguments.overrides)
     if any(getattr(arguments, name) is not None for name in FILMS):
         return _film(arguments)
-    if any(getattr(arguments, name) is not None for name in ("begin", "until", "fps", "duration")):
-        raise UsageError(
-            "replay: --from, --until, --fps and --duration are of a film: --video F.mp4, --frames DIR, --html F.html"
-        )
+    if any(getattr(arguments, name) is not None for name in ("begin", "until", "fps", "duration", "renderer")):
+        of_films = "--from, --until, --fps, --duration and --renderer"
+        raise UsageError(f"replay: {of_films} are of a film: --video F.mp4, --frames DIR, --html F.html")
     _options.require_suffix(arguments.snapshot, (".npz",), "--snapshot")
     _options.require_suffix(arguments.still, (".png",), "--still")
     what = {name: getattr(arguments, name) for name in ("at", "threads", "overrides")} | {"path": arguments.archive}

@@ -172,6 +172,6 @@ def no_window() -> str:
     from mpp_taichi.device.backends import import_taichi
 
     import_taichi()
-    from mpp_taichi.views.ggui import probe
+    from mpp_taichi.views.ggui_probe import probe
 
     return probe(shown=True)

@@ -18,7 +18,13 @@ G = 6.67408e-11  # the value of that program [m³ / (kg s²)]
 STEP = 60.0  # of a file without a time step [s]
 DAY = 86400.0
 YEAR = 365.25 * DAY
-MAPS = {"skin": "texture", "shadowSkin": "night", "transparentSkin": "clouds", "normalSkin": "normal", "specularSkin": ""}
+MAPS = {
+    "skin": "texture",
+    "shadowSkin": "night",
+    "transparentSkin": "clouds",
+    "normalSkin": "normal",
+    "specularSkin": "specular",
+}
 """Attributes that name pictures, and the keys of a body's appearance for them."""
 
 
@@ -30,7 +36,7 @@ def recognises(text: str) -> bool:
 def read(text: str, source: str) -> dict[str, Any]:
     """The scene: gravity, by velocity Verlet; scales, spins, the light, and pictures beside the file are for `view:`.
 
-    Pictures that are missing or have no counterpart are left out, and a line tells which. A position or velocity that is not
+    Pictures that are missing are left out, and a line tells which. A position or velocity that is not
     given is 0, a colour 255. A moon is drawn around the last body before it that is no moon. Axes are tilted towards +y, as the
     Earth's axis is where x is the direction of the equinox. SceneError with line and column where the text is no such file.
     """
@@ -160,9 +166,7 @@ class _SystemReader:
             if not given.get(attribute):
                 continue
             what = f"{attribute} of {name}"
-            if not key:
-                self.pictures.leave_out(what, "a scene has no such map")
-            elif shines and key != "texture":
+            if shines and key != "texture":
                 self.pictures.leave_out(what, "a body that shines has a texture only")
             elif (file := self.pictures.find(given[attribute], what)) is not None:
                 found[key] = {"file": file}

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 from mpp_taichi.plots.theme import Rgb
 
 RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789−"))
@@ -37,7 +37,7 @@ class PicturePainter:
 
     def __init__(self, picture: Image.Image) -> None:
         """Keep the pen."""
-        self._pen = ImageDraw.Draw(picture)
+        self._picture, self._pen = picture, ImageDraw.Draw(picture)
 
     def line(self, ends: Sequence[float], color: Rgb, width: float) -> None:
         """Whole pixels: grids and axes are along rows and columns."""
@@ -53,8 +53,8 @@ class PicturePainter:
         """Draw the text piece by piece, since raised and lowered pieces are smaller."""
         x -= {"l": 0.0, "m": 0.5, "r": 1.0}[anchor] * text_width(text, size)
         for piece, height, shift in _pieces(text, size):
-            self._pen.text((x, y + shift), piece, fill=color, font=font_of(height), anchor="lm")
-            x += font_of(height).getlength(piece)
+            lettering(height).write(self._picture, (x, y + shift), piece, color, anchor="lm")
+            x += lettering(height).width(piece)
 
 
 class SvgPainter:
@@ -97,7 +97,7 @@ class SvgPainter:
 
 def text_width(text: str, size: int) -> float:
     """The width of a line of text in pixels."""
-    return sum(font_of(height).getlength(piece) for piece, height, _ in _pieces(text, size))
+    return sum(lettering(height).width(piece) for piece, height, _ in _pieces(text, size))
 
 
 @lru_cache(maxsize=1024)

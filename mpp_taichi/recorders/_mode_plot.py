@@ -8,6 +8,7 @@ import numpy as np
 
 from mpp_taichi.errors import BackendError
 from mpp_taichi.modes.mode_set import ModeSet
+from mpp_taichi.recorders._plot_letters import families
 
 # Okabe and Ito's colours, which the colour-blind can tell apart; the styles tell apart more modes than colours, and in grey.
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
@@ -61,7 +62,9 @@ def figure_of(recorder: RecordedModes) -> Any:
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     handles, labels = energy.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize="small", title=_title(recorder), frameon=False)
+    title, font = _title(recorder), {"family": families(_title(recorder))}
+    words: dict[str, Any] = {"ncols": 5, "fontsize": "small", "title": title, "title_fontproperties": font, "frameon": False}
+    figure.legend(handles, labels, loc="outside upper center", **words)
     return figure
 
 

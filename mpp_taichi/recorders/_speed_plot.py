@@ -5,6 +5,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mpp_taichi.recorders._plot_letters import families
+
 BAR, CURVE = "#56B4E9", "#D55E00"  # Okabe and Ito's, which the colour-blind can tell apart
 SIZE = (8.0, 5.0)  # inches
 CURVE_POINTS = 400
@@ -57,7 +59,8 @@ def figure_of(recorder: RecordedSpeeds) -> Any:
     unit = recorder.speed_unit
     axes.set_xlabel(f"speed v [{unit}]" if unit else "speed v")
     axes.set_ylabel("probability density f(v)")
-    axes.set_title(f"{recorder.title or 'Gas'}: Kolmogorov–Smirnov distance {recorder.distance:.3g}", fontsize="medium")
+    title = f"{recorder.title or 'Gas'}: Kolmogorov–Smirnov distance {recorder.distance:.3g}"
+    axes.set_title(title, fontsize="medium", family=families(title))
     axes.margins(x=0.0)
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)

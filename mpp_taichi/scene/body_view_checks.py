@@ -10,6 +10,7 @@ from mpp_taichi.scene.body_view_spec import (
     NightSpec,
     NormalSpec,
     RingTextureSpec,
+    SpecularSpec,
     TextureSpec,
 )
 
@@ -39,7 +40,7 @@ def check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder, *, lit
         finder.fault((*path, "spin", "axis"), "must not be [0, 0, 0]")
     if body.clouds is not None and body.clouds.period == 0.0:
         finder.fault((*path, "clouds", "period"), "must not be 0")
-    for key in ("texture", "night", "clouds", "normal"):
+    for key in ("texture", "night", "clouds", "normal", "specular"):
         if (surface := getattr(body, key)) is not None:
             _check_surface(surface, (*path, key), finder)
     if body.ring is not None:
@@ -47,7 +48,7 @@ def check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder, *, lit
             finder.fault((*path, "ring", "outer"), f"must be above inner, which is {body.ring.inner:g}")
         if body.ring.texture is not None:
             _check_surface(body.ring.texture, (*path, "ring", "texture"), finder)
-    for key in ("night", "clouds", "normal", "ring"):
+    for key in ("night", "clouds", "normal", "specular", "ring"):
         if body.light is not None and getattr(body, key) is not None:
             finder.fault((*path, key), "is not for a body that shines")
     if body.night is not None and not lit:
@@ -55,7 +56,9 @@ def check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder, *, lit
 
 
 def _check_surface(
-    surface: TextureSpec | NightSpec | CloudsSpec | NormalSpec | RingTextureSpec, path: tuple[Any, ...], finder: Finder
+    surface: TextureSpec | NightSpec | CloudsSpec | NormalSpec | SpecularSpec | RingTextureSpec,
+    path: tuple[Any, ...],
+    finder: Finder,
 ) -> None:
     if (surface.file is None) == (surface.pattern is None):
         finder.fault(path, "must have a file or a pattern, and not both")

@@ -12,6 +12,7 @@ from mpp_taichi.scene.flag_or import FlagOrMapping
 PATTERNS = ("banded", "continents", "coasts", "cratered", "checker")
 NIGHT_PATTERNS = ("cities",)
 CLOUD_PATTERNS = ("scattered",)
+SPECULAR_PATTERNS = ("oceans",)
 NORMAL_PATTERNS = ("mountains", "craters")
 RING_PATTERNS = ("bands", "saturn")
 _CLOSED = ConfigDict(extra="forbid")
@@ -119,6 +120,28 @@ class NormalSpec:
 
 
 @dataclass(frozen=True)
+class SpecularSpec:
+    """Where the surface mirrors lights: the seas of a planet, or ice."""
+
+    __pydantic_config__ = _CLOSED
+    file: Annotated[
+        str | None,
+        FileBeside(),
+        Field(
+            description="a picture beside the scene, placed like a texture: white where the highlight of a light has its full "
+            "brightness, black where there is none"
+        ),
+    ] = None
+    pattern: Annotated[
+        str | None,
+        Text(SPECULAR_PATTERNS),
+        Field(description="or a pattern: oceans, the seas of continents of the same seed"),
+    ] = None
+    seed: Annotated[int, _SEED, Field(description="seed of the pattern")] = 0
+    strength: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="factor of the highlight")] = 1.0
+
+
+@dataclass(frozen=True)
 class RingTextureSpec:
     """Colour and opacity of a ring from its inner to its outer edge: a picture, or a pattern in shades of the ring's colour."""
 
@@ -196,5 +219,6 @@ class BodyViewSpec:
     night: Annotated[NightSpec | None, Field(description="lights of the dark side")] = None
     clouds: Annotated[CloudsSpec | None, Field(description="clouds over the surface")] = None
     normal: Annotated[NormalSpec | None, Field(description="slopes of the surface: a normal map or a height map")] = None
+    specular: Annotated[SpecularSpec | None, Field(description="where the surface mirrors lights")] = None
     ring: Annotated[RingSpec | None, Field(description="ring in the plane of the equator")] = None
     spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None

@@ -33,7 +33,9 @@ class Color(Field):
 def _of_text(text: str) -> tuple[float, float, float]:
     from PIL.ImageColor import colormap  # the names of CSS with their digits
 
-    digits = str(colormap.get(text.strip().lower(), text))
+    digits = colormap.get(text.strip().lower(), text)
+    if not isinstance(digits, str):  # Pillow puts numbers in place of the digits of a name that was drawn with
+        return digits[0] / 255, digits[1] / 255, digits[2] / 255
     found = HEXADECIMAL.fullmatch(digits)
     if found is None:
         near = nearest(text, colormap)

@@ -13,6 +13,7 @@ from mpp_taichi.scene.body_view_spec import (
     NormalSpec,
     RingSpec,
     RingTextureSpec,
+    SpecularSpec,
     SpinSpec,
     TextureSpec,
 )
@@ -293,6 +294,7 @@ VIEW_SPECS: dict[str, type] = {
     "view.bodies.NAME.night": NightSpec,
     "view.bodies.NAME.clouds": CloudsSpec,
     "view.bodies.NAME.normal": NormalSpec,
+    "view.bodies.NAME.specular": SpecularSpec,
     "view.bodies.NAME.ring": RingSpec,
     "view.bodies.NAME.ring.texture": RingTextureSpec,
     "view.bodies.NAME.spin": SpinSpec,

@@ -1,4 +1,4 @@
-"""Clouds, slopes and lights at night on the device; only pictures of views that ask for them compile this code."""
+"""Clouds, slopes, highlights and lights at night on the device; only pictures of views that ask for them compile this code."""
 
 import taichi as ti
 
@@ -6,7 +6,17 @@ from mpp_taichi.types import Template
 from mpp_taichi.views._single import direction, single
 from mpp_taichi.views._texels import between_texels, in_body, packed_light
 from mpp_taichi.views.relief import LEVEL, STEP
-from mpp_taichi.views.surface_parts import BRIGHTNESS, CLOUD_AXES, CLOUDS_AT, NIGHT_AT, OPACITY, RELIEF_AT, SURFACE_AXES
+from mpp_taichi.views.surface_parts import (
+    BRIGHTNESS,
+    CLOUD_AXES,
+    CLOUDS_AT,
+    GLOSS_AT,
+    NIGHT_AT,
+    OPACITY,
+    RELIEF_AT,
+    STRENGTH,
+    SURFACE_AXES,
+)
 
 TWILIGHT = 0.1  # sine of the height of a light over the horizon above which there is no night, and below which there is no day
 STEEP_LIGHT = 4.0  # a slope has at most so many times the light of level ground, so that there is none beyond the terminator
@@ -69,3 +79,15 @@ def share_of_night(level):
 def night_light(drawing: Template, m, normal):
     """Light of the lights at night of material m."""
     return between_texels(drawing, m, normal, NIGHT_AT, SURFACE_AXES, packed_light) * drawing.material[m, BRIGHTNESS]
+
+
+@ti.func
+def packed_shares(drawing: Template, packed):
+    """Red, green and blue of a texel as shares of the largest value."""
+    return ti.Vector([ti.cast(packed >> 8 * channel & 255, ti.f32) for channel in ti.static(range(3))]) * single(1.0 / 255.0)
+
+
+@ti.func
+def gloss_at(drawing: Template, m, normal):
+    """Share of a light in the middle of its highlight on material m where the surface has a normal."""
+    return between_texels(drawing, m, normal, GLOSS_AT, SURFACE_AXES, packed_shares) * drawing.material[m, STRENGTH]

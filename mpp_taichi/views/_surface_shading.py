@@ -10,12 +10,14 @@ from mpp_taichi.types import Template
 from mpp_taichi.views._rings import share_through_rings
 from mpp_taichi.views._shadows import seen_share
 from mpp_taichi.views._single import direction, single
-from mpp_taichi.views._surface_maps import clouds_over, night_light, share_of_night, sloping_light, sloping_normal
+from mpp_taichi.views._surface_maps import clouds_over, gloss_at, night_light, share_of_night, sloping_light, sloping_normal
 from mpp_taichi.views._texels import texture_light
 from mpp_taichi.views.surface_parts import (
     CLOUDS,
     CLOUDS_AT,
     COLORED_LIGHT,
+    GLOSS,
+    GLOSS_AT,
     NIGHT,
     NIGHT_AT,
     RELIEF,
@@ -77,6 +79,7 @@ def shade_surface(drawing: Template, p, x, y, depth):
     m = ti.cast(drawing.table[p, 12], ti.i32)
     shines, specular = single(0.0), single(SPECULAR)
     ground, clear, dark = normal, single(1.0), single(1.0)
+    gloss = ti.Vector([single(0.0), single(0.0), single(0.0)])
     if m >= 0:
         shines = material[m, SHINES]
         if drawing.place[m, TEXTURE_AT + 1] > 0:
@@ -85,6 +88,10 @@ def shade_surface(drawing: Template, p, x, y, depth):
         if ti.static(drawing.surfaces & RELIEF):
             if drawing.place[m, RELIEF_AT + 1] > 0:
                 ground = sloping_normal(drawing, m, normal)
+        if ti.static(drawing.surfaces & GLOSS):
+            if drawing.place[m, GLOSS_AT + 1] > 0:
+                gloss = gloss_at(drawing, m, normal)
+                specular = single(0.0)
         if ti.static(drawing.surfaces & CLOUDS):
             if drawing.place[m, CLOUDS_AT + 1] > 0:
                 cloud = clouds_over(drawing, m, normal)
@@ -92,12 +99,16 @@ def shade_surface(drawing: Template, p, x, y, depth):
                 color = color * clear + ti.Vector([cloud[0], cloud[1], cloud[2]])
                 ground = direction(ground * clear + normal * cloud[3])
                 specular *= clear
+                gloss *= clear
     if shines > 0:
         toward_eye = ti.max(-normal.dot(direction(ray)), single(0.0))
         white = single(HOT) * toward_eye * toward_eye  # as a film shows light that is too bright for it
         color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
     elif drawing.light_count == 0:
         color = lit_from_afar(drawing, color, ground, ray, specular)
+        if ti.static(drawing.surfaces & GLOSS):
+            if normal.dot(drawing.light) > 0:
+                color += gloss * highlight(ground, ray, drawing.light)
     else:
         albedo = color
         color = albedo * drawing.ambient
@@ -114,6 +125,8 @@ def shade_surface(drawing: Template, p, x, y, depth):
                 light = albedo * diffuse
                 if specular > 0:
                     light += specular * highlight(ground, ray, to_light)
+                if ti.static(drawing.surfaces & GLOSS):
+                    light += gloss * highlight(ground, ray, to_light)
                 if ti.static(drawing.surfaces & COLORED_LIGHT):
                     light *= ti.Vector([lights[k, 7], lights[k, 8], lights[k, 9]])
                 if ti.static(drawing.surfaces & RINGS):

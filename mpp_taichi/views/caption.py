@@ -1,9 +1,9 @@
 """Text in pictures: title, time and one more line, drawn on the host."""
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 from mpp_taichi.views._base import Frame
 
 Color = tuple[int, int, int]
@@ -40,8 +40,7 @@ def write_outlined(
     outline: int,
 ) -> None:
     """Write a line with an outline of so many pixels, which keeps it readable before any colour; `anchor` is as Pillow's."""
-    pen, font = ImageDraw.Draw(picture), font_of(size)
-    pen.text(place, text, font=font, fill=colors[0], anchor=anchor, stroke_width=outline, stroke_fill=colors[1])
+    lettering(size).write(picture, place, text, colors[0], anchor=anchor, outline=(outline, colors[1]))
 
 
 def caption_lines(frame: Frame) -> list[str]:
@@ -59,13 +58,10 @@ def draw_text(picture: np.ndarray, text: str, background: Background = DARK) -> 
     height, width = picture.shape[:2]
     size = text_height(height)
     margin = size // 2
-    font = font_of(size)
-    ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))
-    _, _, right, bottom = ruler.multiline_textbbox((margin, margin), text, font=font, spacing=size // 3)
-    box = min(int(right) + margin, width), min(int(bottom) + margin, height)
+    lines, letters = text.split("\n"), lettering(size)
+    right, bottom = letters.reach(lines, spacing=size // 3)
+    box = min(right + 2 * margin, width), min(bottom + 2 * margin, height)
     corner = Image.fromarray(picture[: box[1], : box[0]])
-    pen = ImageDraw.Draw(corner)
     color, shadow = ink(background)
-    pen.multiline_text((margin + 1, margin + 1), text, font=font, fill=shadow, spacing=size // 3)
-    pen.multiline_text((margin, margin), text, font=font, fill=color, spacing=size // 3)
+    letters.write_lines(corner, (margin, margin), lines, color, spacing=size // 3, shadow=shadow)
     picture[: box[1], : box[0]] = np.asarray(corner)

@@ -8,7 +8,7 @@ import numpy as np
 from mpp_taichi.errors import BackendError
 from mpp_taichi.views.caption import DARK
 from mpp_taichi.views.display_loss import DisplayLoss
-from mpp_taichi.views.ggui import probe
+from mpp_taichi.views.ggui_probe import probe
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.paper import RIM, Mouse, Paper
 from mpp_taichi.views.scene_list import SceneList, Shelf

@@ -1,21 +1,14 @@
 """Drawing with GGUI, Taichi's Vulkan window system: into a window, or into a picture without one.
 
 GGUI needs a Vulkan driver whatever backend computes (Mesa's lavapipe, in software, will do), and for a window a display.
-A broken driver may abort the whole process, so `probe` tries the driver in a process of its own.
+`ggui_probe` says whether it works.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.device.taichi_environment import without_user_variables
-from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views.appearance import Appearance
@@ -23,56 +16,16 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.ggui_folder import ggui_folder
+from mpp_taichi.views.ggui_probe import require_ggui
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.overlay import draw_overlay
 from mpp_taichi.views.trails import DrawnTrails, Trails
 
-PROBE_SECONDS = 60.0
-PROBE = """
-import os
-os.environ["TI_SKIP_VERSION_CHECK"] = "ON"
-import taichi as ti
-ti.init(arch=ti.cpu, log_level=ti.ERROR)
-window = ti.ui.Window("probe", (64, 64), show_window={shown})
-window.get_canvas().set_background_color((1.0, 1.0, 1.0))
-if {shown}:
-    window.show()
-else:
-    assert window.get_image_buffer_as_numpy().max() > 0.5
-"""
 LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
 NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
 TRAIL_WIDTH = 1.5  # pixels
 TRAIL_TOLERANCE = 0.25  # pixels between a trail and the curve that it follows
 THINNEST = 1.0  # pixels; GGUI does not smooth edges, and draws only some pixels of a thinner line
-
-
-@lru_cache(maxsize=2)
-def probe(*, shown: bool) -> str:
-    """Why GGUI does not work here, for a window or for a picture without one; empty when it does. Takes about a second."""
-    if shown and sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return "there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set)"
-    command = [sys.executable, "-c", PROBE.format(shown=shown)]
-    try:
-        with tempfile.TemporaryDirectory() as folder:  # GGUI leaves a file where it runs, and would follow a link of its name
-            done = subprocess.run(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                env=without_user_variables(os.environ),
-                cwd=folder,
-                timeout=PROBE_SECONDS,
-                check=False,
-            )
-    except subprocess.TimeoutExpired:
-        return f"GGUI did not draw within {PROBE_SECONDS:.0f} s"
-    except OSError as error:
-        return f"GGUI cannot be tried: {error.strerror or error}"
-    if done.returncode == 0:
-        return ""
-    lines = [line for line in done.stdout.decode("utf-8", "replace").splitlines() if line and not line.startswith("[Taichi]")]
-    return f"GGUI does not start (code {done.returncode}): " + (lines[-1] if lines else "it said nothing")
 
 
 class GguiScene:
@@ -215,26 +168,27 @@ class GguiView(View):
     `window.show()` must never be called here: without a window it ends the process.
     """
 
+    MADE_ANEW = ("_window", "_scene", "_end")  # for `archive.object_state`
+
     def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
         """Open the device.
 
         Raises:
             BackendError: GGUI does not work here.
         """
-        problem = probe(shown=False)
-        if problem:
-            raise BackendError(f"cannot draw with GGUI: {problem}")
+        require_ggui()
         self.spec, self.size, self.dimensions = spec, size, dimensions
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
         with ggui_folder():
             self._window = ti.ui.Window("offscreen", size, show_window=False)
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
+        self._appearance = self._scene.appearance
         self._end: Callable[[], None] = self._window.destroy
 
     def draw(self, frame: Frame) -> np.ndarray:
         """The picture of a frame, uint8, shape (height, width, 3)."""
-        appearance = self._scene.appearance
+        appearance = self._appearance
         frame = appearance.dress(frame)
         if self.camera is None:
             self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
@@ -57,12 +57,11 @@ def name_tags(
         shown = np.flatnonzero(inside & (depth > NEAREST * camera.distance))
     position, radii = np.asarray(frame.position, dtype=float), np.asarray(frame.radius, dtype=float)
     others = _on_screen(position, radii, view, camera, size, shift)
-    font = font_of(letters)
     for n in shown[np.argsort(depth[shown], kind="stable")][:MOST]:
         if _is_covered((column[n], row[n], disc[n], depth[n]), others):
             continue
         text = found[n][0]
-        wide, high = float(font.getlength(text)), TALL * letters
+        wide, high = lettering(letters).width(text), TALL * letters
         left = column[n] + disc[n] + GAP * letters
         if left + wide > width:
             left = column[n] - disc[n] - GAP * letters - wide

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 from mpp_taichi.views.appearance import Legend
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import DARK, LINES_PER_PICTURE, Background, Color, ink, is_light, text_height
@@ -38,7 +38,7 @@ def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DA
     margin, step = size // 2 + 1, size + size // 3
     rows = len(legend.lines) + sum(3 if isinstance(entry, ColorBar) else len(_names(entry)) for entry in legend.entries)
     words = [*legend.lines, *(word for entry in legend.entries if isinstance(entry, GroupKey) for word, _ in _names(entry))]
-    widths = [int(font_of(size).getlength(word)) + 2 * size for word in words]
+    widths = [int(lettering(size).width(word)) + 2 * size for word in words]
     wide = 3 * margin + max([*widths, *(BAR_WIDTH * size for entry in legend.entries if isinstance(entry, ColorBar))])
     corner = picture[max(picture.shape[0] - rows * step - 2 * margin, 0) :, :wide]
     corner[:] = np.rint(BACKING * corner + (255.0 * (1.0 - BACKING) if is_light(background) else 0.0))
@@ -109,11 +109,10 @@ class _Pen:
     def __init__(self, picture: np.ndarray, size: int, colors: tuple[Color, Color]) -> None:
         self.image = Image.fromarray(picture)
         self.size, self.colors = size, colors
-        self._draw, self._font = ImageDraw.Draw(self.image), font_of(size)
+        self._draw, self._letters = ImageDraw.Draw(self.image), lettering(size)
 
     def write(self, place: tuple[float, float], text: str, anchor: str = "la", color: Color | None = None) -> None:
-        self._draw.text((place[0] + 1, place[1] + 1), text, font=self._font, fill=self.colors[1], anchor=anchor)
-        self._draw.text(place, text, font=self._font, fill=color or self.colors[0], anchor=anchor)
+        self._letters.write(self.image, place, text, color or self.colors[0], anchor=anchor, shadow=self.colors[1])
 
     def dot(self, left: int, top: int, color: Color | None) -> None:
         if color is not None:

@@ -1,13 +1,14 @@
-"""Patterns of clouds, of lights at night and of heights, made from a seed. They are decoration, no maps of real bodies."""
+"""Patterns of clouds, lights at night, heights and highlights, made from a seed. Decoration, no maps of real bodies."""
 
 import numpy as np
 
-from mpp_taichi.views.patterns import ROWS, craters, height_and_depth, random_of
+from mpp_taichi.views.patterns import ROWS, craters, height_and_depth, ice_share, random_of
 from mpp_taichi.views.sphere_noise import directions, noise
 
 CLOUD_WHITE = 0.97  # as displayed
 TOWNS = 14000  # places that may have lights
 TOWN_COLOR = np.array([1.0, 0.80, 0.50])  # as displayed
+SEA_GLOSS, ICE_GLOSS = 0.55, 0.12  # share of a light in the middle of its highlight
 NORTHERNMOST = 0.90  # sine of the latitude beyond which there are no towns
 
 
@@ -40,6 +41,16 @@ def night_picture(name: str, seed: int) -> np.ndarray:
             np.add.at(picture, at, light * 0.35 ** (down * down + across * across))
     shown = np.clip(picture[..., None] ** (1.0 / 2.2) * TOWN_COLOR, 0.0, 1.0)
     return np.asarray(np.rint(255.0 * shown), dtype=np.uint8)
+
+
+def gloss_picture(name: str, seed: int) -> np.ndarray:
+    """Seas that mirror a light, ice that mirrors little of it, and land that mirrors none, uint8, shape (ROWS, 2 ROWS, 3)."""
+    random, direction = random_of(name, seed), directions(ROWS)
+    height, depth = height_and_depth(direction, random)
+    share = np.where(depth > 0.0, 0.0, SEA_GLOSS)
+    ice = ice_share(direction, height)
+    share = share + ice * (ICE_GLOSS - share)
+    return np.asarray(np.rint(255.0 * np.repeat(share[..., None], 3, axis=2)), dtype=np.uint8)
 
 
 def height_picture(name: str, seed: int) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.plots.fonts import font_of
+from mpp_taichi.plots.lettering import lettering
 
 LETTERS = 13  # pixels
 LINE, ROW = 17, 23  # height of a line of text, and of a button or a slider
@@ -134,7 +134,7 @@ class Paper:
 
     def _draw(self) -> np.ndarray:
         image = Image.new("RGB", self._size, GROUND)
-        pen, font = ImageDraw.Draw(image), font_of(LETTERS)
+        pen, letters = ImageDraw.Draw(image), lettering(LETTERS)
         for mark in self._marks:
             left, top, right, bottom = mark.box
             if mark.color is not None and right - left >= 1 and bottom - top >= 1:
@@ -143,16 +143,16 @@ class Paper:
                 inset = 6 if mark.color is not None else 0
                 text = _fitting(mark.text, right - left - inset)
                 x = (left + right) / 2.0 if mark.anchor == "mm" else left + inset
-                pen.text((x, (top + bottom) / 2.0), text, font=font, fill=mark.ink, anchor=mark.anchor)
+                letters.write(image, (x, (top + bottom) / 2.0), text, mark.ink, anchor=mark.anchor)
         return np.asarray(image)
 
 
 def _fitting(text: str, width: float) -> str:
     """A text that is cut off where it is wider than the room for it."""
-    font = font_of(LETTERS)
-    if font.getlength(text) <= width:
+    letters = lettering(LETTERS)
+    if letters.width(text) <= width:
         return text
     kept = len(text)
-    while kept > 1 and font.getlength(text[:kept] + "…") > width:
+    while kept > 1 and letters.width(text[:kept] + "…") > width:
         kept -= 1
     return text[:kept] + "…"

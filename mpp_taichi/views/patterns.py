@@ -59,9 +59,14 @@ def _coasts(direction: np.ndarray, color: np.ndarray, random: np.random.Generato
     land = warm * low + (1.0 - warm) * np.array([0.38, 0.42, 0.30])
     land = land + np.clip(1.4 * depth - 0.5, 0.0, 1.0) * (np.array([0.55, 0.50, 0.45]) - land)
     surface = np.where(depth > 0.0, land, sea)
-    ice = np.clip((np.abs(direction[..., 2]) + 0.06 * height - 0.88) * 14.0, 0.0, 1.0)[..., None]
+    ice = ice_share(direction, height)[..., None]
     surface = surface + ice * (0.95 - surface)
     return surface
+
+
+def ice_share(direction: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """The share of ice around the poles of continents."""
+    return np.asarray(np.clip((np.abs(direction[..., 2]) + 0.06 * height - 0.88) * 14.0, 0.0, 1.0))
 
 
 def height_and_depth(direction: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -107,4 +112,10 @@ _PATTERNS: dict[str, Callable[[np.ndarray, np.ndarray, np.random.Generator], np.
     "cratered": _cratered,
     "checker": _checker,
 }
-_LANDSCAPE = {"coasts": "continents", "cities": "continents", "mountains": "continents", "craters": "cratered"}
+_LANDSCAPE = {
+    "coasts": "continents",
+    "cities": "continents",
+    "mountains": "continents",
+    "oceans": "continents",
+    "craters": "cratered",
+}

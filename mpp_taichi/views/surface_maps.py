@@ -1,4 +1,4 @@
-"""Surface maps: the texture, lights at night, clouds and slopes of a body as texels for the renderer. NumPy on the host."""
+"""Surface maps: texture, lights at night, clouds, slopes and highlights of a body as texels for the renderer. NumPy only."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -9,11 +9,11 @@ import numpy as np
 from PIL import Image
 
 from mpp_taichi.errors import OutputError
-from mpp_taichi.scene.body_view_spec import BodyViewSpec, CloudsSpec, NightSpec, NormalSpec
-from mpp_taichi.views.map_patterns import cloud_picture, height_picture, night_picture
+from mpp_taichi.scene.body_view_spec import BodyViewSpec, CloudsSpec, NightSpec, NormalSpec, SpecularSpec
+from mpp_taichi.views.map_patterns import cloud_picture, gloss_picture, height_picture, night_picture
 from mpp_taichi.views.relief import packed_slopes, slopes_of_heights, slopes_of_picture
 from mpp_taichi.views.srgb import srgb_from_linear
-from mpp_taichi.views.surface_parts import CLOUDS_AT, NIGHT_AT, RELIEF_AT, TEXTURE_AT
+from mpp_taichi.views.surface_parts import CLOUDS_AT, GLOSS_AT, NIGHT_AT, RELIEF_AT, TEXTURE_AT
 from mpp_taichi.views.textures import LEVELS, SMALLEST_LEVEL, WIDEST, Texture, make_texture, read_picture
 
 
@@ -40,6 +40,8 @@ def maps_of(body: BodyViewSpec, color: tuple[float, ...]) -> dict[int, SurfaceMa
         found[CLOUDS_AT] = _clouds(body.clouds)
     if body.normal is not None:
         found[RELIEF_AT] = _relief(body.normal)
+    if body.specular is not None:
+        found[GLOSS_AT] = _gloss(body.specular)
     return found
 
 
@@ -102,6 +104,16 @@ def _relief(spec: NormalSpec) -> SurfaceMap:
     else:
         slopes = slopes_of_picture(read_picture(spec.file or "").levels[0], spec.strength)
     return SurfaceMap(tuple(_halved(slopes, packed_slopes)))
+
+
+@lru_cache(maxsize=16)
+def _gloss(spec: SpecularSpec) -> SurfaceMap:
+    """Shares of the light, from 0 to 255; they are numbers and no displayed colours, so their means are taken as they are."""
+    if spec.pattern is not None:
+        picture = gloss_picture(spec.pattern, spec.seed)
+    else:
+        picture = read_picture(spec.file or "").levels[0]
+    return SurfaceMap(tuple(_halved(picture.astype(float), lambda values: _packed(np.rint(values).astype(np.uint32)))))
 
 
 def _halved(values: np.ndarray, texels: Callable[[np.ndarray], np.ndarray]) -> Iterator[np.ndarray]:

@@ -21,15 +21,18 @@ RELIEF = 16
 RINGS = 32
 """A body has a ring."""
 
-TEXTURE_AT, NIGHT_AT, CLOUDS_AT, RELIEF_AT = 0, 3, 6, 9
+GLOSS = 64
+"""A body has a map of its highlights."""
+
+TEXTURE_AT, NIGHT_AT, CLOUDS_AT, RELIEF_AT, GLOSS_AT = 0, 3, 6, 9, 12
 """Columns of `place` from which each map has its first texel, columns and rows; without columns it is absent."""
-PLACE_COLUMNS = 12
+PLACE_COLUMNS = 15
 
 SURFACE_AXES, CLOUD_AXES = 0, 10
 """Columns of `material` from which stand the prime meridian, 90° east of it and the north pole as directions."""
-SHINES, OPACITY, BRIGHTNESS = 9, 19, 20
-"""Columns of `material`: 1 where the body shines; factors of the opacity of clouds and of the light of the night."""
-MATERIAL_COLUMNS = 21
+SHINES, OPACITY, BRIGHTNESS, STRENGTH = 9, 19, 20, 21
+"""Columns of `material`: 1 where the body shines; factors of the opacity of clouds, the light of the night, highlights."""
+MATERIAL_COLUMNS = 22
 
 RING_COLUMNS = 9
 """0…2: middle of a ring, 3…5: north pole as a direction, 6: inner radius, 7: width, 8: its first texel."""

@@ -18,6 +18,7 @@ from mpp_taichi.views.surface_parts import (
     CLOUD_AXES,
     CLOUDS,
     COLORED_LIGHT,
+    GLOSS,
     MATERIAL_COLUMNS,
     NIGHT,
     OPACITY,
@@ -26,6 +27,7 @@ from mpp_taichi.views.surface_parts import (
     RING_COLUMNS,
     RINGS,
     SHINES,
+    STRENGTH,
     SURFACE_AXES,
     SURFACES,
 )
@@ -41,7 +43,7 @@ class SurfaceTables:
     marks     of every particle: its row in `material`, −1 for none, and its index; shape (particle_count, 2)
     material, place   columns as in surface_parts.py
     texels    of all maps, rows from the north, from −180° eastward: red | green << 8 | blue << 16 as displayed, of clouds
-              times the opacity and | opacity << 24; slopes as in relief.py
+              times the opacity and | opacity << 24; slopes as in relief.py; of highlights shares of the light
     lights    as in lights.py
     casters   place, radius and index of the spheres that cast shadows, shape (count, 5)
     rings     columns as in surface_parts.py, the farthest ring first, shape (count, RING_COLUMNS)
@@ -137,8 +139,9 @@ class Surfaces:
 def _parts(body: BodyViewSpec) -> int:
     """The parts of shading for the maps of a body."""
     found = 0
-    parts = (SURFACES, NIGHT, CLOUDS, RELIEF, RINGS)
-    for asked, part in zip((body.texture, body.night, body.clouds, body.normal, body.ring), parts, strict=True):
+    parts = (SURFACES, NIGHT, CLOUDS, RELIEF, RINGS, GLOSS)
+    maps = (body.texture, body.night, body.clouds, body.normal, body.ring, body.specular)
+    for asked, part in zip(maps, parts, strict=True):
         if asked is not None:
             found |= SURFACES | part
     return found
@@ -157,6 +160,8 @@ def _material(body: BodyViewSpec, time: float, camera: Camera) -> np.ndarray:
         row[OPACITY] = body.clouds.opacity
     if body.night is not None:
         row[BRIGHTNESS] = body.night.brightness
+    if body.specular is not None:
+        row[STRENGTH] = body.specular.strength
     return row
 
 

@@ -21,7 +21,7 @@ from mpp_taichi.views.controls import Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.following import Follower
-from mpp_taichi.views.ggui import probe
+from mpp_taichi.views.ggui_probe import probe
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.legend import draw_legend, legend_lines
 from mpp_taichi.views.method_box import MethodBox

@@ -122,6 +122,7 @@ def test_the_film_of_a_run_that_goes_on_ends_at_its_last_record(run, tmp_path, m
         (["--frames", "a", "--set", "view.kamera.zoom=2"], "kamera"),
         (["--frames", "a", "--at", "1"], "are of one moment"),
         (["--fps", "10"], "are of a film"),
+        (["--renderer", "own"], "are of a film"),
         (["--frames", "a", "--from", "nan"], "--from must be a finite time"),
         (["--frames", "a", "--from", "3", "--until", "2"], "is not within the run"),
         (["--frames", "a", "--from", "-1"], "is not within the run"),

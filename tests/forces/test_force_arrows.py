@@ -260,13 +260,13 @@ def test_a_scale_that_fits_the_first_picture_stays_for_the_film():
     assert legend_lines(look.legend()) == ["arrows: acceleration × 0.2"]
 
 
-@pytest.mark.parametrize("renderer", ["kernel", "ggui"])
+@pytest.mark.parametrize("renderer", ["own", "ggui"])
 def test_arrows_are_in_the_picture_each_kind_in_its_colour(renderer, request):
     """A body at rest in the middle is pulled to the right, another moves upwards: 45 pixels a length."""
     if renderer == "ggui":
-        from mpp_taichi.views import ggui
+        from mpp_taichi.views import ggui_probe
 
-        if problem := ggui.probe(shown=False):
+        if problem := ggui_probe.probe(shown=False):
             pytest.skip(problem)
     scene = {
         "particles": [

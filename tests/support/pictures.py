@@ -51,7 +51,7 @@ def view_spec(camera: CameraSpec = FRONT, **others: object) -> ViewSpec:
     return replace(ViewSpec(camera=camera, background=BLACK, caption=False, minimum_pixels=0.01), **others)
 
 
-def draw(frame: Frame, spec: ViewSpec | None = None, size: tuple[int, int] = SIZE, renderer: str = "kernel") -> np.ndarray:
+def draw(frame: Frame, spec: ViewSpec | None = None, size: tuple[int, int] = SIZE, renderer: str = "own") -> np.ndarray:
     """One picture."""
     view = open_offscreen(spec or view_spec(), size, renderer=renderer)
     try:

@@ -15,7 +15,7 @@ import yaml
 from test_window import ENVIRONMENT, display
 
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.views import ggui
+from mpp_taichi.views import ggui_probe
 from mpp_taichi.views.display_loss import a_connection_is_broken
 from scenes import kepler
 
@@ -122,7 +122,7 @@ def test_a_run_whose_display_goes_away_keeps_its_state_and_its_files(server, fol
 @pytest.mark.timeout(120)
 def test_a_display_that_goes_away_before_the_window_opens_is_told_in_one_line(folder):
     """GGUI would end the process without a line on standard error, and leave the locks."""
-    tried = "from mpp_taichi.views import ggui, window\nggui.probe = window.probe = lambda *, shown: ''"
+    tried = "from mpp_taichi.views import ggui_probe, window\nggui_probe.probe = window.probe = lambda *, shown: ''"
     process = begin(
         ":4711",
         "'--diagnostics', 'table.csv', '--quiet'",
@@ -161,9 +161,9 @@ def test_a_trial_of_the_display_runs_in_a_folder_that_nothing_else_writes_to(mon
         seen.append((Path(cwd), [*Path(cwd).iterdir()], Path(cwd).stat().st_mode & 0o077))
         return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(ggui.subprocess, "run", run)
-    assert ggui.probe.__wrapped__(shown=False) == ""
+    monkeypatch.setattr(ggui_probe.subprocess, "run", run)
+    assert ggui_probe.probe.__wrapped__(shown=False) == ""
     ((folder, there, others),) = seen
     assert not there and not others and not folder.exists()
-    monkeypatch.setattr(ggui.subprocess, "run", lambda *_, **__: os.stat("/nowhere"))
-    assert "No such file" in ggui.probe.__wrapped__(shown=False)
+    monkeypatch.setattr(ggui_probe.subprocess, "run", lambda *_, **__: os.stat("/nowhere"))
+    assert "No such file" in ggui_probe.probe.__wrapped__(shown=False)

@@ -1,4 +1,4 @@
-"""Lights at night, clouds and slopes of bodies: where they are seen, and what scenes may ask for."""
+"""Lights at night, clouds, slopes and highlights of bodies: where they are seen, and what scenes may ask for."""
 
 import math
 from dataclasses import replace
@@ -10,13 +10,14 @@ from PIL import Image
 
 from mpp_taichi.device import backends
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene.body_view_spec import BodyViewSpec, CloudsSpec, NightSpec, NormalSpec, SpinSpec, TextureSpec
+from mpp_taichi.scene.body_view_spec import BodyViewSpec, CloudsSpec, NightSpec, NormalSpec, SpecularSpec, SpinSpec, TextureSpec
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.view_spec import CameraSpec, LightSpec
 from mpp_taichi.views import map_patterns, patterns, relief, surfaces
+from mpp_taichi.views.renderer import LIGHT
 from mpp_taichi.views.sphere_noise import directions
 from mpp_taichi.views.srgb import linear_from_srgb
-from mpp_taichi.views.surface_parts import CLOUDS, NIGHT, RELIEF, SURFACES
+from mpp_taichi.views.surface_parts import CLOUDS, GLOSS, NIGHT, RELIEF, SURFACES
 
 SIZE = (160, 160)
 PARALLEL = replace(FRONT, projection="orthographic", height=4.0)  # 40 pixels a length
@@ -39,7 +40,7 @@ def cpu():
     """One backend for all pictures here; double precision, which pictures must not notice."""
     backends.start("cpu", "f64")
     with pytest.MonkeyPatch.context() as patch:  # one kernel with all parts in place of one for each part: it takes two seconds
-        patch.setattr(surfaces, "_parts", lambda body: PARTS(body) and SURFACES | NIGHT | CLOUDS | RELIEF)
+        patch.setattr(surfaces, "_parts", lambda body: PARTS(body) and SURFACES | NIGHT | CLOUDS | RELIEF | GLOSS)
         yield
     backends.stop()
 
@@ -186,6 +187,66 @@ def test_level_ground_is_lit_as_without_slopes_and_slopes_make_no_light_at_night
     assert (dark[:, :79] == 0.0).all() and np.abs(dark - plain).max() > 0.3
 
 
+# Highlights
+
+
+def _half_gloss(folder) -> str:
+    """Half of 255 in red, all of it in green and nothing in blue on longitudes below 0; nothing elsewhere."""
+    picture = np.zeros((32, 64, 3))
+    picture[:, :32] = (127.5, 255, 0)
+    return _saved(folder, "gloss.png", picture)
+
+
+@pytest.mark.parametrize("lights", [((1.0, -0.5, 0.2),), ((1.0, -0.5, 0.2), (0.3, -1.0, 0.0)), ()], ids=["one", "two", "none"])
+def test_highlights_are_those_of_blinn_times_the_map(cpu, tmp_path, lights) -> None:
+    """The light of a black body is the strength times the map times Σ (n·h)³², where the surface is turned to the light."""
+    black = TextureSpec(file=_saved(tmp_path, "black.png", np.zeros((32, 64, 3))))
+    body = BodyViewSpec(texture=black, specular=SpecularSpec(file=_half_gloss(tmp_path), strength=0.4))
+    found = _light(body, camera=ASIDE, light=tuple(LightSpec(direction=each) for each in lights), ambient=0.0)
+    eye = np.array([1.0, 0.0, 0.0])
+    # Without a light in the scene: LIGHT of the renderer, to the right, up and into the picture, of a camera at +x.
+    into_picture = np.array([-LIGHT[2], LIGHT[0], LIGHT[1]])
+    toward = [np.array(each) / np.linalg.norm(each) for each in lights] or [into_picture]
+    brightest = 0.0
+    for row in range(42, 118, 4):
+        for column in range(42, 118, 4):
+            right, up = (column + 0.5 - 80) / 40, (79.5 - row) / 40
+            if math.hypot(right, up) > 0.9 or abs(right) < 0.1:  # the rim, and the edge of the map, between two of its texels
+                continue
+            normal = np.array([math.sqrt(1.0 - right**2 - up**2), right, up])
+            halves = [(each + eye) / np.linalg.norm(each + eye) for each in toward]
+            shine = sum(max(float(normal @ half), 0.0) ** 32 for half, each in zip(halves, toward) if normal @ each > 0.0)
+            gloss = 0.4 * np.array([127 / 255, 1.0, 0.0]) * (right < 0.0)
+            # Within a pixel of 1/40 the normal turns by up to 1/40/(n·e), and 32 c³¹ √(1 − c²) is at most 3.5.
+            error = ROUNDED + 0.4 * len(toward) * 0.5 * (3.5 / 40 / normal[0]) ** 2
+            np.testing.assert_allclose(found[row, column], np.minimum(gloss * shine, 1.0), atol=error)
+            brightest = max(brightest, float((gloss * shine).max()))
+    assert brightest > 0.2, "the highlight lies on the half with a map"
+
+
+def test_highlights_are_hidden_by_clouds_and_shadows_and_oceans_lie_between_the_continents(cpu, tmp_path, monkeypatch) -> None:
+    black = TextureSpec(file=_saved(tmp_path, "black.png", np.zeros((32, 64, 3))))
+    white = SpecularSpec(file=_saved(tmp_path, "white.png", np.full((32, 64), 255)), strength=0.5)
+    ahead = (LightSpec(direction=(0, 0, 1)),)
+    body = BodyViewSpec(texture=black, specular=white)
+    assert _light(body, light=ahead, ambient=0.0)[79, 79] == pytest.approx([0.5] * 3, abs=ROUNDED)
+    dark = CloudsSpec(file=_saved(tmp_path, "dark.png", np.tile(np.array([0, 0, 0, 51]), (32, 64, 1))))
+    assert _light(replace(body, clouds=dark), light=ahead, ambient=0.0)[79, 79] == pytest.approx([0.8 * 0.5] * 3, abs=ROUNDED)
+    frame = frame_of([[0, 0, 0], [0, 0, 6]], [1.0, 0.4], BLACK)  # the camera looks past the small body, which hides the light
+    looks = replace(PARALLEL, position=(2.0, 0.0, 10.0))
+    seen = draw(frame, view_spec(looks, bodies={(0, 1): body}, light=(LightSpec(direction=(0, 0, 1)),), ambient=0.0), SIZE)
+    lone = draw(frame_of([0, 0, 0], 1.0, BLACK), view_spec(looks, bodies={(0, 1): body}, light=ahead, ambient=0.0), SIZE)
+    brightest = np.unravel_index(lone.max(axis=2).argmax(), SIZE)
+    assert lone[brightest].min() > 100 and seen[brightest].max() == 0
+    monkeypatch.setattr(patterns, "ROWS", 96)
+    monkeypatch.setattr(map_patterns, "ROWS", 96)
+    share = map_patterns.gloss_picture("oceans", 3)[..., 0]
+    height, depth = patterns.height_and_depth(directions(96), patterns.random_of("continents", 3))
+    bare = patterns.ice_share(directions(96), height) == 0.0
+    assert (share[bare & (depth > 0.0)] == 0).all() and (share[bare & (depth <= 0.0)] == round(255 * 0.55)).all()
+    assert (bare & (depth <= 0.0)).sum() > 1000
+
+
 # Scenes
 
 
@@ -199,6 +260,12 @@ def test_level_ground_is_lit_as_without_slopes_and_slopes_make_no_light_at_night
         ("bodies: {moon: {night: {pattern: cities}}}", ":8:26: view.bodies.moon.night: needs a light"),
         ("bodies: {sun: {light: true, clouds: {pattern: scattered}}}", ":8:39: view.bodies.sun.clouds: is not for a body that"),
         ("bodies: {moon: {clouds: {pattern: cities}}}", "view.bodies.moon.clouds.pattern: 'cities' is unknown"),
+        ("bodies: {moon: {specular: {pattern: cities}}}", "view.bodies.moon.specular.pattern: 'cities' is unknown"),
+        ("bodies: {moon: {specular: {file: none.png}}}", ":8:36: view.bodies.moon.specular.file: there is no file 'none.png'"),
+        (
+            "bodies: {sun: {light: true, specular: {pattern: oceans}}}",
+            ":8:41: view.bodies.sun.specular: is not for a body",
+        ),
         ("bodies: {moon: {normal: {}}}", "view.bodies.moon.normal: must have a file or a pattern"),
         ("bodies: {moon: {clouds: {pattern: scattered, period: 0}}}", ":8:56: view.bodies.moon.clouds.period: must not be 0"),
     ],
@@ -224,7 +291,7 @@ def test_only_the_maps_that_a_view_asks_for_are_compiled(monkeypatch: pytest.Mon
     def not_here(*_: object) -> None:
         raise AssertionError("compiled")
 
-    for name in ("clouds_over", "night_light", "share_of_night", "sloping_normal"):
+    for name in ("clouds_over", "night_light", "share_of_night", "sloping_normal", "gloss_at"):
         monkeypatch.setattr(_surface_shading, name, not_here)
     monkeypatch.setattr(surfaces, "_parts", PARTS)
     backends.start("cpu", "f32")

@@ -312,26 +312,26 @@ def test_views_that_only_describe_start_nothing() -> None:
 
 
 def test_unknown_renderer_is_refused() -> None:
-    with pytest.raises(ValueError, match="none of auto, kernel, ggui"):
+    with pytest.raises(ValueError, match="none of own, ggui"):
         open_offscreen(ViewSpec(), SIZE, renderer="opengl")
 
 
 def test_missing_vulkan_is_said(cpu, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mpp_taichi.views import ggui
+    from mpp_taichi.views import ggui_probe
 
-    monkeypatch.setattr(ggui, "PROBE", "import os; os.abort()")
-    ggui.probe.cache_clear()
+    monkeypatch.setattr(ggui_probe, "PROBE", "import os; os.abort()")
+    ggui_probe.probe.cache_clear()
     try:
         with pytest.raises(BackendError, match="cannot draw with GGUI"):
             open_offscreen(ViewSpec(), SIZE, renderer="ggui")
     finally:
-        ggui.probe.cache_clear()
+        ggui_probe.probe.cache_clear()
 
 
 @pytest.fixture
 def ggui_works(cpu):
     """Skip where GGUI cannot draw without a window."""
-    from mpp_taichi.views.ggui import probe
+    from mpp_taichi.views.ggui_probe import probe
 
     if problem := probe(shown=False):
         pytest.skip(problem)
@@ -348,7 +348,7 @@ def test_ggui_draws_the_same_shapes(ggui_works, camera: CameraSpec, size: tuple[
         spring_color=np.ones((2, 3)),
     )
     spec = view_spec(camera, spring_width=20.0)
-    ours, theirs = (draw(frame, spec, size, name).max(axis=2) > 20 for name in ("kernel", "ggui"))
+    ours, theirs = (draw(frame, spec, size, name).max(axis=2) > 20 for name in ("own", "ggui"))
     assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
 
 
@@ -389,7 +389,7 @@ def test_every_particle_is_at_its_pixel_in_both_renderers(ggui_works, camera: Ca
             kept.append(number)
     assert len(kept) > 30
     spec = view_spec(camera, minimum_pixels=5.0)  # all 5 pixels in radius: bodies as small as these are as good as points
-    for renderer in ("kernel", "ggui"):
+    for renderer in ("own", "ggui"):
         picture = draw(frame_of(place[kept], 1e-4), spec, size, renderer).max(axis=2) > 0
         assert silhouette(255 * np.repeat(picture[:, :, None], 3, axis=2))[2] > 100
         for column, row in apart:
@@ -405,7 +405,7 @@ def test_ggui_draws_what_is_added_to_a_scene(ggui_works) -> None:
     asked = {"arrows": (ArrowsSpec(time=1.5),), "axes": AxesSpec(length=1.0), "grid": GridSpec(spacing=1.0, lines=2)}
     spec = view_spec(FRONT, trails=5, spring_width=20.0, legend=False, **asked)
     pictures = []
-    for renderer in ("kernel", "ggui"):
+    for renderer in ("own", "ggui"):
         view = open_offscreen(spec, (640, 360), renderer=renderer)
         view.draw(replace(moving, position=moving.position - moving.velocity, time=0.0, outline=outline))
         pictures.append(view.draw(replace(moving, outline=outline)).max(axis=2) > 20)

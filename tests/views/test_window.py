@@ -114,7 +114,7 @@ def display() -> Iterator[str]:
     if not number:
         server.wait()
         pytest.skip("Xvfb does not start")
-    probe = "from mpp_taichi.views.ggui import probe; print('problem:', probe(shown=True))"
+    probe = "from mpp_taichi.views.ggui_probe import probe; print('problem:', probe(shown=True))"
     answer = subprocess.run(
         [sys.executable, "-c", probe], env=ENVIRONMENT | {"DISPLAY": f":{number}"}, capture_output=True, text=True
     )

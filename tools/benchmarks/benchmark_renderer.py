@@ -58,9 +58,9 @@ def views():
     textured = {(0, 20): BodyViewSpec(texture=TextureSpec(pattern="cratered"))}
     lit = replace(plain, light=(LightSpec(direction=(-1.0, -0.5, 1.0)),), sky=SkySpec(stars=3000), bodies=textured)
     return {
-        "plain": (plain, "kernel"),
-        "colour": (replace(plain, color_by=ColorBySpec(speed=ColorScaleSpec())), "kernel"),
-        "lit": (lit, "kernel"),
+        "plain": (plain, "own"),
+        "colour": (replace(plain, color_by=ColorBySpec(speed=ColorScaleSpec())), "own"),
+        "lit": (lit, "own"),
         "ggui": (plain, "ggui"),
     }
 
