@@ -5,6 +5,7 @@ threads as the process has processors, at most, and a note says so where more we
 large machine runs on a small machine as well. More than four threads for each processor, and more than 64, are refused.
 """
 
+import _thread
 import logging
 import operator
 import os
@@ -83,7 +84,8 @@ def start_thread(thread: threading.Thread) -> None:
     """
     try:
         thread.start()
-    except RuntimeError:
+    except RuntimeError as error:
+        _raise_interrupt(error)
         raise CapacityError(NO_MORE_THREADS) from None
 
 
@@ -95,19 +97,34 @@ def require_threads(count: int) -> None:
     Raises:
         CapacityError: the system does not start them.
     """
-    end = threading.Event()
-    started: list[threading.Thread] = []
+    gate, ended = _thread.allocate_lock(), list[_thread.LockType]()
+    gate.acquire()
     try:
         for _ in range(count + TAICHIS_OTHERS):
-            thread = threading.Thread(target=end.wait)
-            thread.start()
-            started.append(thread)
+            done = _thread.allocate_lock()
+            done.acquire()
+            # Not threading.Thread: an interrupt within its start raises a RuntimeError, or leaves a thread that never ends.
+            _thread.start_new_thread(_pass, (gate, done))
+            ended.append(done)
     except (RuntimeError, MemoryError):
-        most = max(0, len(started) - TAICHIS_OTHERS)
+        most = max(0, len(ended) - TAICHIS_OTHERS)
         raise CapacityError(
             f"the system has no room for {count} threads and starts {most}: use fewer --threads, or end other programs"
         ) from None
     finally:
-        end.set()
-        for thread in started:
-            thread.join()
+        gate.release()
+        for done in ended:
+            done.acquire()
+
+
+def _pass(gate: _thread.LockType, done: _thread.LockType) -> None:
+    """Wait at the gate, and say that this thread has ended."""
+    gate.acquire()
+    gate.release()
+    done.release()
+
+
+def _raise_interrupt(error: BaseException) -> None:
+    """Raise the KeyboardInterrupt behind an error: cut off in `Thread.start`, Python's own lock complains in its place."""
+    if isinstance(error.__context__, KeyboardInterrupt):
+        raise error.__context__ from None

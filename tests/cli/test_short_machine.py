@@ -1,5 +1,6 @@
 """A machine that is short of memory, processes or files: one line that says what would help, and exit code 6; nothing hangs."""
 
+import _thread
 import os
 import subprocess
 import sys
@@ -154,10 +155,10 @@ def test_numpy_starts_no_threads_where_the_system_has_no_room_for_them(free, mon
     monkeypatch.setenv(OPENBLAS_VARIABLE, "")
     monkeypatch.delenv(OPENBLAS_VARIABLE)
     if not free:
-        monkeypatch.setattr(threading.Thread, "start", refuse_thread)
+        monkeypatch.setattr(_thread, "start_new_thread", refuse_thread)
     bound_threads_of_numpy()
     assert os.environ.get(OPENBLAS_VARIABLE) == (None if free else "1")
 
 
-def refuse_thread(thread):
+def refuse_thread(*_):
     raise RuntimeError("can't start new thread")

@@ -1,11 +1,15 @@
 """A simulation that Ctrl+C ends at any place leaves Taichi as it was: the next one has the same bits."""
 
+import _thread
 import random
+import threading
+import time
 
 import pytest
 from interrupts import calls, interrupt, speed
 
 from mpp_taichi import Simulation
+from mpp_taichi.device.thread_count import require_threads, start_thread
 from scenes import cluster, kepler
 
 PLACES = 3
@@ -38,3 +42,23 @@ def test_an_interrupted_placement_of_fields_is_forgotten():
             assert field is not None
             raise KeyboardInterrupt
         assert simulation.run(steps=2).step_count == 2
+
+
+def test_an_interrupt_in_a_trial_of_threads_stays_an_interrupt_and_leaves_no_thread():
+    """Cut off within Thread.start, Python's lock raises a RuntimeError, which was taken for a system without threads."""
+    before = _thread._count()
+    for number in range(1, calls(lambda: require_threads(1)) + 1):
+        interrupt(lambda: require_threads(1), number)  # anything else than a KeyboardInterrupt would end the test
+    require_threads(1)
+    for _ in range(100):  # the system ends a thread a moment after its last line
+        if _thread._count() == before:
+            break
+        time.sleep(0.01)
+    assert _thread._count() == before
+
+
+def test_an_interrupt_at_the_start_of_a_thread_stays_an_interrupt():
+    made = [threading.Thread(target=int) for _ in range(40)]
+    every = calls(lambda: start_thread(made.pop()))
+    for number in range(1, min(every, len(made))):
+        interrupt(lambda: start_thread(made.pop()), number)
