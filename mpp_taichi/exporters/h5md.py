@@ -3,16 +3,13 @@
 Source: P. de Buyl, P. H. Colberg, F. Höfling, Comput. Phys. Commun. 185 (2014) 1546; nongnu.org/h5md, version 1.1.0.
 """
 
-import gc
 import importlib.util
 import itertools
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mpp_taichi.atomic_file import reason
 from mpp_taichi.errors import BackendError
 from mpp_taichi.exporters._source import Source
 from mpp_taichi.snapshot import Snapshot
@@ -39,41 +36,31 @@ def write(source: Source, path: Path) -> None:
     import h5py
 
     _check_steps(source)
-    said, hooks = "", (sys.excepthook, sys.unraisablehook)
-    sys.excepthook, sys.unraisablehook = _ignore, _ignore  # h5py prints an error for each part that it cannot close
-    try:
-        _fill(h5py, source, path)
-    except (OSError, RuntimeError) as error:  # RuntimeError at the end of a file that the disk has no room for
-        said = reason(error)
-    finally:
-        gc.collect()  # the parts of a file that was not finished
-        sys.excepthook, sys.unraisablehook = hooks
-    if said:
-        raise OSError(said)
+    # In memory: a file of HDF5 that cannot be finished, as on a full disk, stays open and breaks the next file of the process.
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        _fill(file, source)
+        file.flush()
+        image = file.id.get_file_image()
+    path.write_bytes(image)
 
 
-def _ignore(*_: Any) -> None:
-    """Print no error."""
-
-
-def _fill(h5py: Any, source: Source, path: Path) -> None:
+def _fill(file: Any, source: Source) -> None:
     frames = source.frames()
     first = next(frames)
-    with h5py.File(path, "w") as file:
-        _describe(file, source)
-        group = file.create_group(f"particles/{GROUP}")
-        elements = _elements(group, source.frame_count, *first)
-        _write_fixed(group, first[0], set(elements))
-        _write_springs(file, group, first[0])
-        for frame, (snapshot, enclosure) in enumerate(itertools.chain([first], frames)):
-            if enclosure.repeats != first[1].repeats:
-                raise source.refuse(f"H5MD has one kind of boundary for all frames, but frame {frame} has another kind")
-            values = {key: getattr(snapshot, key) for key in elements if hasattr(snapshot, key)}
-            values |= {"edges": enclosure.period, "id": np.where(snapshot.present, np.arange(len(snapshot.mass)), NO_PARTICLE)}
-            for key, element in elements.items():
-                element["value"][frame] = values[key]
-            elements["position"]["step"][frame] = snapshot.step
-            elements["position"]["time"][frame] = snapshot.time
+    _describe(file, source)
+    group = file.create_group(f"particles/{GROUP}")
+    elements = _elements(group, source.frame_count, *first)
+    _write_fixed(group, first[0], set(elements))
+    _write_springs(file, group, first[0])
+    for frame, (snapshot, enclosure) in enumerate(itertools.chain([first], frames)):
+        if enclosure.repeats != first[1].repeats:
+            raise source.refuse(f"H5MD has one kind of boundary for all frames, but frame {frame} has another kind")
+        values = {key: getattr(snapshot, key) for key in elements if hasattr(snapshot, key)}
+        values |= {"edges": enclosure.period, "id": np.where(snapshot.present, np.arange(len(snapshot.mass)), NO_PARTICLE)}
+        for key, element in elements.items():
+            element["value"][frame] = values[key]
+        elements["position"]["step"][frame] = snapshot.step
+        elements["position"]["time"][frame] = snapshot.time
 
 
 def _check_steps(source: Source) -> None:
