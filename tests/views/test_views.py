@@ -13,9 +13,10 @@ from pictures import FRONT, SIZE, crowd, draw, frame_of, view_spec
 
 from mpp_taichi.device import backends
 from mpp_taichi.errors import BackendError
+from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
 from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyLightSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
-from mpp_taichi.views import _primitives, caption
+from mpp_taichi.views import _primitives
 from mpp_taichi.views.offscreen import open_offscreen
 from mpp_taichi.views.trails import Trails
 
@@ -293,7 +294,7 @@ def test_caption_is_written(cpu, size: tuple[int, int]) -> None:
 
 
 def test_caption_has_letters_of_many_languages() -> None:
-    font = caption.font_of(20)
+    font = font_of(20)
     missing = font.getmask("\uffff").tobytes() if hasattr(font.getmask("x"), "tobytes") else bytes(font.getmask("\uffff"))
     for letter in "äößéñŠůŁĞαΔπЖя–²·":
         assert bytes(font.getmask(letter)) != bytes(missing), letter

@@ -14,6 +14,7 @@ Sources: Vanderbei, New orbits for the n-body problem, Ann. New York Acad. Sci. 
 Hénon, Celestial Mechanics 13 (1976) 267, and Moore and Nauenberg, J. Comput. Nonlinear Dynam. 1 (2006) 307, the criss-cross.
 """
 
+import argparse
 import sys
 
 import numpy as np
@@ -66,6 +67,7 @@ def largest_multiplier(state):
 
 def main():
     """Find, check and print."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     for name, (of, places, speeds) in ORBITS.items():
 
         def miss(unknown, of=of):
