@@ -37,6 +37,16 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
         raise OutputError(f"{path}: cannot write {what}: {reason(error)}") from error
 
 
+def whole_text(path: Path, text: str, what: str) -> None:
+    """Write a text in UTF-8, whole or not at all; bytes of a file's name that are no letters become question marks.
+
+    Raises:
+        OutputError: it cannot be written; says which file and `what` was to be in it.
+    """
+    with whole_file(path, what) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="replace")
+
+
 def fresh(path: Path) -> Path:
     """The same path, where an empty file of this process now takes the place of what was there.
 

@@ -23,7 +23,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # so that it also runs from a checkout
 
-from mpp_taichi.atomic_file import whole_file  # noqa: E402
+from mpp_taichi.atomic_file import whole_text  # noqa: E402
 from mpp_taichi.device.with_parent import end_with_parent  # noqa: E402
 
 NAMES = (
@@ -105,11 +105,9 @@ def main(words=None):
     from paper.page import APART, page
 
     kind = ["Short: fewer runs and shorter ones than the whole report has."] if arguments.short else []
-    with whole_file(arguments.page, "the page") as temporary:
-        temporary.write_text(page(sections, machine(time.perf_counter() - began), kind), encoding="utf-8")
+    whole_text(arguments.page, page(sections, machine(time.perf_counter() - began), kind), "the page")
     if arguments.json:
-        with whole_file(arguments.json, "the numbers") as temporary:
-            temporary.write_text(json.dumps(as_json(sections), indent=1), encoding="utf-8")
+        whole_text(arguments.json, json.dumps(as_json(sections), indent=1), "the numbers")
     apart = [row for section in sections.values() for row in section.rows if row.mark == APART]
     for row in apart:
         sys.stderr.write(f"differs: {row.place}, {row.what}: {row.paper} in the paper, {row.ours} here\n")

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from mpp_taichi.accuracy.settled import settled
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene.spec import SceneSpec
 
@@ -70,5 +70,4 @@ def read(path: Path) -> Choice | None:
 
 def write(path: Path, found: Choice) -> None:
     """Keep a choice."""
-    with whole_file(path, "the choice") as temporary:
-        temporary.write_text(json.dumps(asdict(found), indent=1), encoding="utf-8")
+    whole_text(path, json.dumps(asdict(found), indent=1), "the choice")

@@ -16,7 +16,7 @@ import numpy as np
 
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.sample import Configuration, Sample
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_file, whole_text
 from mpp_taichi.device.availability import TAICHI_VERSION, availability
 from mpp_taichi.errors import OutputError
 
@@ -98,8 +98,7 @@ class Store:
                 "samples": [sample.facts() for sample in self._samples.values()],
             }
         )
-        with whole_file(self.path, "the samples") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        whole_text(self.path, text, "the samples")
         self._due = clock.monotonic() + max(EVERY, (clock.thread_time() - began) / SHARE)
 
     def _read(self) -> None:

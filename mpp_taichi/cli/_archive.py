@@ -17,7 +17,7 @@ from mpp_taichi.errors import StateError
 from mpp_taichi.simulation.moment import go_to
 from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
 from mpp_taichi.simulation.run_output import RunOutput
-from mpp_taichi.views.offscreen import needs_ggui
+from mpp_taichi.views.renderers import needs_ggui
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import OutputError, SceneError
 from mpp_taichi.scene.document import read_text
@@ -79,7 +79,6 @@ def _write(path: Path, settings: WindowSettings) -> None:
     given = settings.as_mapping().items()
     lines = [f"{key}: {str(value).lower() if isinstance(value, bool) else value}\n" for key, value in given]
     try:
-        with whole_file(path, "the settings of the window") as temporary:
-            temporary.write_text(HEAD + "".join(lines), encoding="utf-8")
+        whole_text(path, HEAD + "".join(lines), "the settings of the window")
     except OutputError as error:
         say(f"note: {error}")

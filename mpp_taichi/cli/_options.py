@@ -10,7 +10,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.views.numbered import OUTPUT_FOLDER
-from mpp_taichi.views.offscreen import RENDERERS
+from mpp_taichi.views.renderers import RENDERERS
 
 if TYPE_CHECKING:
     from mpp_taichi.scene.spec import SceneSpec
@@ -180,7 +180,7 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def output_path(text: str) -> Path:
     """A file to write: no address of a network, no control characters."""
-    shown = "".join("?" if "\ud800" <= letter <= "\udfff" else letter for letter in text)  # bytes that are no letters here
+    shown = text.encode(errors="replace").decode()  # without bytes that are no letters here
     if not shown.isprintable() or not text.strip():
         raise argparse.ArgumentTypeError(f"{text!r} is no name of a file")
     if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(text).parts):

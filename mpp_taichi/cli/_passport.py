@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi import __version__
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.cli._terminal import plain
 from mpp_taichi.device.availability import TAICHI_VERSION, cache_folder
 from mpp_taichi.errors import OutputError
@@ -56,8 +56,7 @@ def keep_verdict(found: dict[str, Any], *, length: str) -> None:
         device = found["known"]["devices"][place.split()[0]]
         known[place] = {**counts, "length": length, "date": date.today().isoformat(), "device": device, **VERSIONS}
     try:
-        with whole_file(path, "the verdict") as temporary:
-            temporary.write_text(json.dumps(known, indent=1), encoding="utf-8")
+        whole_text(path, json.dumps(known, indent=1), "the verdict")
     except OutputError:
         return
 

@@ -15,7 +15,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.simulation.resume import scene_of
 from mpp_taichi.simulation.run_archive import FoundRun
-from mpp_taichi.views.offscreen import RENDERERS
+from mpp_taichi.views.renderers import RENDERERS
 from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.cli._terminal import plain
 
 
@@ -16,6 +16,5 @@ def write_report(folder: Path, name: str, found: dict[str, Any], page: str) -> l
     """
     texts = {f"{name}.json": json.dumps(plain(found), indent=1, allow_nan=False), f"{name}.html": page}
     for file, text in texts.items():
-        with whole_file(folder / file, "the report") as temporary:
-            temporary.write_text(text, encoding="utf-8", errors="replace")
+        whole_text(folder / file, text, "the report")
     return [str(folder / file) for file in texts]

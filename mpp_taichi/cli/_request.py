@@ -22,7 +22,7 @@ from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views.ggui_probe import require_ggui
-from mpp_taichi.views.offscreen import RENDERERS, needs_ggui
+from mpp_taichi.views.renderers import RENDERERS, needs_ggui
 from mpp_taichi.views.window_settings import WindowSettings
 
 if TYPE_CHECKING:

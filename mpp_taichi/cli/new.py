@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write the copy."""
-    from mpp_taichi.atomic_file import whole_file
+    from mpp_taichi.atomic_file import whole_text
     from mpp_taichi.scene.bundled import bundled_scenes
     from mpp_taichi.scene.did_you_mean import suggestion
 
@@ -43,14 +43,13 @@ def execute(arguments: argparse.Namespace) -> int:
     name = Path(arguments.like).stem
     if name not in known:
         raise UsageError(f"new: the program has no scene {name!r}{suggestion(name, known)}; `mpp-taichi scenes` lists them")
-    with whole_file(target, "the scene") as temporary:
-        temporary.write_text(copied(known[name].read_text(encoding="utf-8")), encoding="utf-8")
+    whole_text(target, copied(known[name].read_text(encoding="utf-8")), "the scene")
     put(f"wrote {target}, a copy of {name}; run it: mpp-taichi {target}")
     return 0
 
 
 def _write_sheet(name: str, target: Path) -> int:
-    from mpp_taichi.atomic_file import whole_file
+    from mpp_taichi.atomic_file import whole_text
     from mpp_taichi.errors import MppError
     from mpp_taichi.worksheets.answers import template
     from mpp_taichi.worksheets.worksheet import load_worksheet
@@ -59,8 +58,7 @@ def _write_sheet(name: str, target: Path) -> int:
         sheet = load_worksheet(name)
     except MppError as error:
         raise UsageError(f"new: {error}") from None
-    with whole_file(target, "the worksheet") as temporary:
-        temporary.write_text(template(sheet), encoding="utf-8")
+    whole_text(target, template(sheet), "the worksheet")
     put(f"wrote {target}, {len(sheet.questions)} questions; write your predictions into it, then: mpp-taichi check {target}")
     return 0
 

@@ -4,7 +4,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_file, whole_text
 from mpp_taichi.exporters._source import Source
 
 
@@ -29,8 +29,9 @@ def export(source: Source, target: Path) -> None:
         raise source.refuse(
             f"is a trajectory of {source.frame_count} frames, {target.suffix} holds one; all are held by {able}"
         )
-    with whole_file(target, "the particles") as temporary:
-        if hasattr(exporter, "write"):
+    what = "the particles"
+    if hasattr(exporter, "write"):
+        with whole_file(target, what) as temporary:
             exporter.write(source, temporary)
-        else:
-            temporary.write_text(exporter.text(source), encoding="utf-8", errors="replace")
+    else:
+        whole_text(target, exporter.text(source), what)

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import PurePath
 from typing import Any
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.importers._title import title_of
 from mpp_taichi.importers._words import Word, words
-from mpp_taichi.scene.faults import printable
 
 SUFFIXES = (".plist",)
 STEP = 0.01  # of a list without dt
@@ -37,7 +36,7 @@ def read(text: str, source: str) -> dict[str, Any]:
         take(found, line[1:])
     if not found.bodies:
         raise SceneError(f"{line[0].location if line else source}: the list has no particle: no line begins with pos")
-    return found.scene(printable(PurePath(source).stem))
+    return found.scene(title_of(source))
 
 
 @dataclass

@@ -6,8 +6,8 @@ from pathlib import PurePath
 from typing import Any
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.importers._title import title_of
 from mpp_taichi.importers._words import Word, words
-from mpp_taichi.scene.faults import printable
 
 SUFFIXES = (".txt",)
 G = 6.67e-11  # the assignment's own [m³ / (kg s²)]
@@ -66,7 +66,7 @@ def read(text: str, source: str) -> dict[str, Any]:
         body = {"name": name, "mass": mass, "position": [x, y, 0.0], "velocity": [vx, vy, 0.0]}
         bodies.append(body | {"radius": radius / 60.0} | ({"color": COLORS[stem]} if stem in COLORS else {}))
     return {
-        "title": printable(PurePath(source).stem),
+        "title": title_of(source),
         "constants": {RADIUS: radius},
         "dimensions": 2,
         "particles": [{"body": body} for body in bodies],

@@ -1,14 +1,13 @@
 """SolarSystem.xml: `<SolarSystem TimeStep="…">` with a `<Body …/>` for each body, in SI units (A. Roman, compphys.go.ro)."""
 
 import math
-from pathlib import PurePath
 from typing import Any
 from xml.parsers import expat
 
 from mpp_taichi.errors import SceneError
 from mpp_taichi.importers._pictures import Pictures
+from mpp_taichi.importers._title import title_of
 from mpp_taichi.importers._words import Word
-from mpp_taichi.scene.faults import printable
 from mpp_taichi.scene.location import Location
 from mpp_taichi.wording.told_apart import told_apart
 
@@ -50,7 +49,7 @@ def read(text: str, source: str) -> dict[str, Any]:
     reader.pictures.tell()
     far = max(math.hypot(*body["position"]) for body in reader.bodies) or 1.0
     return {
-        "title": printable(PurePath(source).stem),
+        "title": title_of(source),
         "particles": [{"body": body} for body in reader.bodies],
         "forces": [{"newtonian_gravity": {"strength": G}}],
         "integrator": {"velocity_verlet": {"dt": reader.dt}},

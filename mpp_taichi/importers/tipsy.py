@@ -8,13 +8,12 @@ import math
 import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene.faults import printable
+from mpp_taichi.importers._title import title_of
 from mpp_taichi.snapshot import Snapshot
 
 SUFFIXES = (".tipsy", ".tip", ".std")
@@ -63,7 +62,7 @@ def read(data: bytes, source: str) -> dict[str, Any]:
     columns = zip(state.mass.tolist(), state.position.tolist(), state.velocity.tolist(), state.color.tolist(), strict=True)
     bodies = [{"mass": mass, "position": x, "velocity": v, "color": color} for mass, x, v, color in columns]
     return {
-        "title": printable(PurePath(source).stem),
+        "title": title_of(source),
         "particles": [{"body": body} for body in bodies],
         "forces": [{"newtonian_gravity": {"strength": G, "softening": softening}}],
         "integrator": {"leapfrog": {"dt": dt}},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.archive import object_state
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.errors import CapacityError, StateError
 from mpp_taichi.recorders._html_page import Recording, page
 from mpp_taichi.recorders._lock import OutputLock
@@ -164,8 +164,7 @@ class HtmlRecorder:
         found = (self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps, legend, self._paths)
         recording = Recording(*found)
         try:
-            with whole_file(self.path, "the page") as temporary:
-                temporary.write_text(page(recording), encoding="utf-8", errors="replace")
+            whole_text(self.path, page(recording), "the page")
         finally:
             self.abandon()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.errors import CapacityError, MppError
 from mpp_taichi.recorders.path_samples import MOST_PLACES, PathSamples
 from mpp_taichi.recorders.table import TableRecorder
@@ -216,8 +216,7 @@ class Result:
         """
         made = result_page.page(self.simulation, self.moments, self._rows, size)
         if path is not None:
-            with whole_file(Path(path), "the page") as temporary:
-                temporary.write_text(made, encoding="utf-8", errors="replace")
+            whole_text(Path(path), made, "the page")
         return made
 
     def to_pandas(self, *, particles: bool = False) -> Any:

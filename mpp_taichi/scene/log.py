@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import extends
 from mpp_taichi.scene.document import read_file
@@ -22,8 +22,7 @@ def write_log(path: Path, scene: SceneSpec, end: float, comment: str) -> None:
     Raises:
         OutputError: the file cannot be written, or not in this folder.
     """
-    with whole_file(path, "the log") as temporary:
-        temporary.write_text(scene_text(_as_mapping(path, scene, end), comment), encoding="utf-8", errors="replace")
+    whole_text(path, scene_text(_as_mapping(path, scene, end), comment), "the log")
 
 
 def _as_mapping(path: Path, scene: SceneSpec, end: float) -> dict[str, Any]:

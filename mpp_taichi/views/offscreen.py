@@ -2,15 +2,7 @@
 
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import View
-
-RENDERERS = ("own", "ggui")
-
-OWN_RENDERER, GGUI = RENDERERS
-
-
-def needs_ggui(renderer: str) -> bool:
-    """Whether a renderer needs a driver of Vulkan that GGUI works with."""
-    return renderer == GGUI
+from mpp_taichi.views.renderers import OWN_RENDERER, RENDERERS, needs_ggui
 
 
 def open_offscreen(spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3, renderer: str = OWN_RENDERER) -> View:

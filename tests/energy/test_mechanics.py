@@ -73,7 +73,7 @@ def test_a_mean_without_mass_is_the_plain_mean_and_a_sum_that_overflows_is_no_nu
 
 @pytest.mark.parametrize("strength", [0.0, 2.0])
 def test_a_particle_has_an_attractor_exactly_where_gravity_has_a_strength(strength):
-    """Without, both frames are that of the scene; with, the nearer body pulls most: −G M / r, and v relative to the body."""
+    """Without gravity both energies are of the frame of the scene; with it, one is relative to the body that pulls most."""
     scene = {
         "particles": [
             {"body": {"mass": 4, "position": [0, 0, 0], "velocity": [1, 0, 0]}},

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pictures import FRONT, draw, frame_of, view_spec
+from pictures import FRONT, SCENE_WITH_VIEW, draw, frame_of, view_spec
 
 from mpp_taichi.device import backends
 from mpp_taichi.errors import SceneError
@@ -100,19 +100,8 @@ def test_a_dark_color_of_a_body_is_a_hue_and_no_lack_of_light() -> None:
     np.testing.assert_allclose(_at(light, 0.6, -0.5), _expected(0.6, -0.5, [((1, 0, 0), RED)]) - AMBIENT, atol=0.04)
 
 
-SCENE = """particles:
-  - body: {name: sun, mass: 1, position: [0, 0, 0]}
-  - body: {name: moon, mass: 1, position: [1, 0, 0]}
-forces: []
-integrator: {leapfrog: {dt: 0.1}}
-run: {duration: 1}
-view:
-  VIEW
-"""
-
-
 def _loaded(folder, view: str):
-    (folder / "scene.yaml").write_text(SCENE.replace("VIEW", view), encoding="utf-8")
+    (folder / "scene.yaml").write_text(SCENE_WITH_VIEW.replace("VIEW", view), encoding="utf-8")
     return load_scene(folder / "scene.yaml").view
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from function_values import function_values
-from pictures import FRONT, draw, frame_of, view_spec
+from pictures import FRONT, SCENE_WITH_VIEW, draw, frame_of, view_spec
 from PIL import Image
 
 from mpp_taichi.device import backends
@@ -183,15 +183,7 @@ def test_no_part_of_a_ring_is_missed_by_the_tiles(cpu, monkeypatch: pytest.Monke
         assert (picture > 0.05).mean() > 0.02
 
 
-SCENE = """particles:
-  - body: {name: sun, mass: 1, position: [0, 0, 0]}
-  - body: {name: moon, mass: 1, position: [1, 0, 0]}
-forces: []
-integrator: {leapfrog: {dt: 0.1}}
-run: {duration: 1}
-view:
-  bodies: {moon: {ring: RING}}
-"""
+SCENE = SCENE_WITH_VIEW.replace("VIEW", "bodies: {moon: {ring: RING}}")
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def difference(source: Source, mutant: Mutant) -> str:
 
 
 def parse(arguments):
-    """What is asked for."""
+    """The options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--package", action="append", type=Path, help="a folder or a module, as often as wanted; absent: all")
     parser.add_argument("--count", type=int, default=20, help="mutants that are drawn of each package")

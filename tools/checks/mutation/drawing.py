@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
-from mutation.library_operators import library_places
+from mutation.cosmic_ray_operators import cosmic_ray_places
 from mutation.own_operators import own_mutants
 from mutation.source import Mutant, Source
 
@@ -17,7 +17,7 @@ def candidates(source: Source, *, library: bool = True) -> dict[int, dict[str, l
     found: dict = defaultdict(lambda: defaultdict(list))
     for mutant in own_mutants(source):
         found[mutant.line][mutant.operator].append(lambda mutant=mutant: mutant)
-    for place in library_places(source) if library else ():
+    for place in cosmic_ray_places(source) if library else ():
         found[place.line][place.operator].append(lambda place=place: place.mutant(source))
     return found
 

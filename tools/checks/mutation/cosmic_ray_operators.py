@@ -81,7 +81,7 @@ class Place:
         return tree.get_code() if tree is not None else None
 
 
-def library_places(source: Source) -> Iterator[Place]:
+def cosmic_ray_places(source: Source) -> Iterator[Place]:
     """Every place of the module where one of these operators applies.
 
     Raises:
