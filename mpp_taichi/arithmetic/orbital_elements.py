@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpp_taichi.snapshot import Snapshot
+
 NO_DIRECTION = 1e-10
 """Eccentricity, and sine of the inclination, below which rounding alone would give the pericentre, or the node, a direction."""
 
@@ -33,8 +35,23 @@ class Orbit:
     period: float
 
 
+def attraction_between(strength: float, snapshot: Snapshot, first: np.ndarray, second: np.ndarray) -> float:
+    """μ = G (m₁ s₂ + m₂ s₁) of the relative motion of two groups of particles, given by their indices [length³ / time²].
+
+    The m are the masses of the groups and the s the shares of them that can move: 1 for free particles, so that μ is
+    G (m₁ + m₂), and 0 for particles that are held along every axis, which attract and are not accelerated themselves.
+    """
+    masses, shares = zip(*((float(snapshot.mass[group].sum()), _movable(snapshot, group)) for group in (first, second)))
+    return strength * (masses[0] * shares[1] + masses[1] * shares[0])
+
+
+def _movable(snapshot: Snapshot, group: np.ndarray) -> float:
+    mass, moves = snapshot.mass[group], snapshot.free[group].any(axis=1)
+    return float(mass @ moves / mass.sum()) if mass.sum() > 0.0 else float(moves.mean())
+
+
 def orbit_of(separation: np.ndarray, motion: np.ndarray, attraction: float) -> Orbit:
-    """The orbit of a relative position and velocity, (3,) each, with μ = `attraction` = G (m₁ + m₂) above 0.
+    """The orbit of a relative position and velocity, (3,) each, with μ = `attraction` above 0.
 
     h = r × v, e = v × h/μ − r/r, 1/a = 2/r − v²/μ. Angles are found from two components each, so that they are right
     to round-off everywhere. ValueError where the two bodies are at one place or move along one line, where no plane exists.

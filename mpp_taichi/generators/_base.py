@@ -34,11 +34,12 @@ class Group:
 
 @dataclass(frozen=True)
 class Center:
-    """A particle around which other particles are placed."""
+    """A particle around which other particles are placed; `held` along every axis, it does not react to them."""
 
     position: np.ndarray
     velocity: np.ndarray
     mass: float
+    held: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,10 @@ def on_orbit(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position [length] and velocity [length / time] relative to the primary, (3,) each; angles in radians.
 
-    With μ = `attraction` = G (m₁ + m₂) and p = a (1 − e²): r = p / (1 + e cos f), ṙ = √(μ/p) e sin f and
-    r ḟ = √(μ/p) (1 + e cos f), turned by ω about z, then by the inclination about x, then by Ω about z. e < 1 and a > 0: an
-    ellipse; e > 1 and a < 0: a hyperbola. PlacementError for others, and for an anomaly beyond a hyperbola's asymptotes.
+    μ = `attraction` is G (m₁ + m₂), or G m₁ around a mass m₁ that is held, and p = a (1 − e²). Then
+    r = p / (1 + e cos f), ṙ = √(μ/p) e sin f and r ḟ = √(μ/p) (1 + e cos f), turned by ω about z, then by the inclination
+    about x, then by Ω about z. e < 1 and a > 0: an ellipse; e > 1 and a < 0: a hyperbola. PlacementError for others, and
+    for an anomaly beyond a hyperbola's asymptotes.
     Source: Murray & Dermott, Solar System Dynamics (1999) §2.3 and §2.8.
     """
     if eccentricity == 1.0:

@@ -109,7 +109,7 @@ class Body(Generator):
         if self.true_anomaly is not None and self.mean_anomaly is not None:
             raise PlacementError("has a true_anomaly and a mean_anomaly, leave one of them out")
         primary = context.find(self.around)
-        attraction = context.strength * (primary.mass + self.mass)
+        attraction = context.strength * (primary.mass + (0.0 if primary.held else self.mass))
         if not attraction > 0.0:
             forces = ", ".join(marked("forces", "gravitates"))
             raise PlacementError(f"an orbit needs {forces}, and a mass that attracts")

@@ -2,7 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from mpp_taichi.arithmetic.orbital_elements import Orbit, orbit_of
+import numpy as np
+
+from mpp_taichi.arithmetic.orbital_elements import Orbit, attraction_between, orbit_of
 from mpp_taichi.component import Particles
 from mpp_taichi.quantities._base import NoResultError, Quantity, RunSample, Setting, of_which
 from mpp_taichi.quantities._particles import center_of, rows
@@ -29,7 +31,7 @@ class OfOrbit(Quantity):
         return f"{of_which(self.noun, setting.name_of(self.of))} around {setting.name_of(self.around)}"
 
     def orbit(self, sample: RunSample) -> Orbit:
-        """The osculating orbit of two centres of mass, with G and the masses of both groups.
+        """The osculating orbit of two centres of mass, with μ from the masses of both groups, less what is held.
 
         Raises:
             NoResultError: no mass attracts, a group has merged into other bodies, or the two move along one line.
@@ -39,8 +41,8 @@ class OfOrbit(Quantity):
             center_of(values, snapshot, self.of) - center_of(values, snapshot, self.around)
             for values in (snapshot.position, snapshot.velocity)
         )
-        mass = snapshot.mass[rows(self.of)].sum() + snapshot.mass[rows(self.around)].sum()
-        attraction = float(sample.gravity * mass)
+        every = np.arange(snapshot.particle_count)
+        attraction = attraction_between(float(sample.gravity), snapshot, every[rows(self.of)], every[rows(self.around)])
         if not attraction > 0.0:
             raise NoResultError("an orbit needs gravity, and a mass that attracts")
         try:

@@ -117,7 +117,9 @@ def _errors(found: Mapping[str, Any]) -> str:
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     if not found["conserves_momentum"]:
-        return f"{energy}; momentum is not conserved: external forces, walls or held particles change it"
+        # A held axis or a wall need not act: the change is told as well, so that it can be compared with a promise.
+        changed = found["momentum_error_max"]
+        return f"{energy}; momentum changes by {changed:.2g}, as external forces, walls or held particles may change it"
     momentum = f"{energy}, momentum {found['momentum_error_max']:.2g}"
     turning = f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
     if "merge_count" in found.get("contacts", {}):

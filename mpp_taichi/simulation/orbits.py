@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.arithmetic.orbital_elements import Orbit, orbit_of
+from mpp_taichi.arithmetic.orbital_elements import Orbit, attraction_between, orbit_of
 from mpp_taichi.errors import ArgumentError, PlacementError
 from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.snapshot import Snapshot
@@ -16,7 +16,8 @@ def orbits(self: Any, around: int | str | None = None) -> dict[str | int, Orbit]
     Without `around` the elements are those of Jacobi, as in REBOUND's `sim.orbits()`: each body is around the centre of mass of
     all bodies before it in the scene, with the masses of all of them, so that the first has no orbit. `around` is the name or
     index of a primary body, around which all others are. Bodies that have merged, that no mass attracts or that move along a
-    line with the primary are left out. Raises ArgumentError without gravity, and where there is no such particle.
+    line with the primary are left out. A body that is held along every axis attracts, and is not accelerated itself: around a
+    held mass m₁ an orbit has μ = G m₁. Raises ArgumentError without gravity, and where there is no such particle.
     """
     strength, layout = self.spec.gravity, layout_of(self.scene)
     if not strength > 0.0:
@@ -38,8 +39,8 @@ def _orbit(snapshot: Snapshot, index: int, primary: int | None, strength: float)
     others = np.arange(index) if primary is None else np.array([primary])
     others = others[snapshot.present[others]]
     mass = snapshot.mass[others]
-    attraction = strength * (float(mass.sum()) + float(snapshot.mass[index]))
-    if not mass.sum() > 0.0:
+    attraction = attraction_between(strength, snapshot, others, np.array([index])) if len(others) else 0.0
+    if not (mass.sum() > 0.0 and attraction > 0.0):
         return None
     place, motion = (mass @ values[others] / mass.sum() for values in (snapshot.position, snapshot.velocity))
     try:

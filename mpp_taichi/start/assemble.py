@@ -74,7 +74,7 @@ def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
         if number < 0 or index - first[number] >= len(groups[number]):
             raise PlacementError(f"{layout.label(index)} is placed later, must come before in the list")
         group, row = groups[number], index - first[number]
-        return Center(group.position[row], group.velocity[row], float(group.mass[row]))
+        return Center(group.position[row], group.velocity[row], float(group.mass[row]), not group.free[row].any())
 
     number = 0
     for name, alike in itertools.groupby(spec.particles, key=lambda entry: entry.name):

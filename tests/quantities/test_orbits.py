@@ -168,3 +168,40 @@ def test_elements_are_constants_of_a_run_and_change_with_the_strength_of_gravity
         assert 1.0 / found.semi_major_axis == pytest.approx(2.0 / distance - speed**2 / (4 * G * 1.5), rel=1e-13)
         with pytest.raises(mpp.ArgumentError, match="did you mean 'sun'"):
             simulation.orbits(around="snu")
+
+
+HELD = SUN | {"velocity": [0, 0, 0], "free": False}
+
+
+def test_a_sun_that_is_held_does_not_answer():
+    """μ is G m₁ then: a body placed by its elements keeps them in the run, and the elements and the period are those."""
+    elements = (1.0, 0.25, 0.5, 0.3, 0.2, 0.0)
+    period = math.tau / math.sqrt(G * 1.5)
+    given = scene(HELD, planet(elements, mass=1.0), integrator={"leapfrog": {"dt": 0.001}}, run={"duration": 1.2 * period})
+    bound = 1e-4  # leapfrog keeps a and e to (ω dt)² at pericentre, some 1e-5 here
+    given["expect"] = {
+        "orbital_period": {"of": "planet", "around": "sun", "near": period, "within": bound},
+        "osculating_period": {"of": "planet", "around": "sun", "near": period, "within": bound, "when": "largest"},
+        "eccentricity": {"of": "planet", "around": "sun", "near": 0.25, "within": 4 * bound, "when": "smallest"},
+    }
+    with mpp.run(given, backend="cpu", precision="f64", samples=20) as result:
+        assert result.passed, str(result)
+    for primary in (None, "sun"):
+        with mpp.Simulation(given, backend="cpu", precision="f64") as simulation:
+            found = simulation.orbits(around=primary)["planet"]
+            # Some forty operations on numbers up to 4.
+            assert (found.semi_major_axis, found.eccentricity) == pytest.approx((1.0, 0.25), abs=160 * ROUND_OFF)
+
+
+def test_two_bodies_that_are_both_held_have_no_orbit():
+    start = assemble(load_scene(scene(HELD, planet(ORBITS["an ellipse"]) | {"free": False})))
+    with pytest.raises(NoResultError, match="a mass that attracts"):
+        measured("eccentricity", start)
+
+
+def test_a_held_axis_does_not_hold_a_body():
+    """In the plane of the two free axes a sun is free: μ has both masses."""
+    flat = [True, True, False]
+    sun = SUN | {"position": [0, 0, 0], "velocity": [0, 0, 0], "free": flat}
+    start = assemble(load_scene(scene(sun, planet(ORBITS["a circle in the plane"]) | {"free": flat})))
+    assert measured("semi_major_axis", start) == pytest.approx(0.7, rel=160 * ROUND_OFF)
