@@ -15,12 +15,15 @@ GROUPS = {
     "heaps": "Hard cases of heaps",
     "numerics": "Reproducible numbers",
     "orders": "Orders, reversibility and conservation of integrators",
+    "stability_limits": "The longest stable step of integrators",
     "published_gravity": "Published numbers: choreographies and periodic orbits",
     "published_encounters": "Published numbers: encounters and scattering",
     "published_solar_system": "Published numbers: the Solar System",
     "published_runs": "Published numbers: runs of a course, and Kepler-16",
     "published": "Published numbers: springs, pendulums and rockets",
     "published_spheres": "Published numbers: balls",
+    "refusals": "What must be refused",
+    "other_codes": "Beside other codes",
     "statistics": "Statistics of gases",
 }
 """The modules of `cases/` in the order of the report, with their headings."""

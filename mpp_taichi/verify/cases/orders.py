@@ -10,6 +10,7 @@ from mpp_taichi.errors import StabilityError
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.verify.bounds import rounding
 from mpp_taichi.verify.case import Case, Found
+from mpp_taichi.verify.cases._methods import with_steps
 from mpp_taichi.verify.cases._two_bodies import orbit, period, separation
 from mpp_taichi.verify.place import DOUBLE, Place
 
@@ -26,13 +27,6 @@ BACK_STEPS, BACK_IN_A_TURN = 1000, 300
 DRIFT_STEPS, DRIFT_IN_A_TURN = 100_000, 250
 DOUBLES = {"solved_in": ("f64",), "on": ("f64",)}
 QUICK = ("leapfrog", "velocity_verlet", "rk4", "yoshida4", "pefrl", "hermite4", "implicit_midpoint", "dop853")
-
-
-def _with_steps() -> list[str]:
-    """The integrators that take steps of dt and follow an orbit by its force."""
-    others = ("event_driven", "wisdom_holman")  # exact flights and exact orbits
-    every = [name for name in component.names("integrators") if name not in others]
-    return [name for name in every if component.declaration("integrators", name).base not in ("Adaptive", "Embedded")]
 
 
 def _declared(name: str, attribute: str) -> float:
@@ -133,6 +127,6 @@ def _energies_of_a_turn(simulation: Simulation) -> np.ndarray:
     return np.array(found)
 
 
-ORDERS = [_order_of(name) for name in _with_steps()]
-RETURNS = [_return_of(name) for name in _with_steps() if _declared(name, "time_reversible")]
-DRIFTS = [_drift_of(name) for name in _with_steps() if _declared(name, "symplectic")]
+ORDERS = [_order_of(name) for name in with_steps()]
+RETURNS = [_return_of(name) for name in with_steps() if _declared(name, "time_reversible")]
+DRIFTS = [_drift_of(name) for name in with_steps() if _declared(name, "symplectic")]
