@@ -1,13 +1,15 @@
 """Shared by all tests: the tests' own modules on the path, a clean Taichi runtime for each test, and which tests run.
 
-Most of the time goes into compiling kernels. A test marked `sampled(n)` runs one of n of its cases, which take all values of
-each parameter in turn; one marked `thorough`, which shows in another way what others show too, does not run. `--thorough`
-runs all. A test marked `fast_taichi(*names)` needs those parts of device/fast_taichi, and is skipped where one is off.
+Most of the time goes into compiling kernels. A test marked `sampled(n)`, with n up to 12, runs one of n of its cases, and the
+others in the n − 1 next runs (see support/rotation.py). `--thorough` runs all. Where a run takes longer than `--budget`
+minutes, the sampled tests that have not begun by then are skipped, so that a run on a slow machine ends too. A test marked
+`fast_taichi(*names)` needs those parts of device/fast_taichi, and is skipped where one is off.
 """
 
 import gc
 import os
 import sys
+import time
 from datetime import date
 from pathlib import Path
 
@@ -18,7 +20,11 @@ from mpp_taichi.device.fast_taichi import switch
 HERE = Path(__file__).parent
 # Tests find the modules of tests/support, and each other, from every folder.
 sys.path[:0] = [str(HERE), *(str(folder) for folder in sorted(HERE.iterdir()) if folder.is_dir())]
+
+import rotation  # noqa: E402
+
 ROOT = Path(__file__).parents[1]
+BEGAN = time.monotonic()
 os.environ["MPP_TAICHI_WINDOW"] = "fresh"  # no test reads or writes the settings of the user's own windows
 
 
@@ -91,14 +97,19 @@ def pytest_collection_finish(session):
 
 def pytest_addoption(parser):
     """Run all, or what is enough for a change; what is drawn at random is drawn by the seed."""
-    parser.addoption("--thorough", action="store_true", help="every case of every test: about twice as long")
+    parser.addoption("--thorough", action="store_true", help="every case of every test")
+    parser.addoption(
+        "--budget", type=float, default=30.0, help="minutes after which no sampled test begins, without --thorough"
+    )
     today = int(os.environ.setdefault("MPP_TAICHI_TEST_SEED", str(date.today().toordinal())))  # the same in all processes
     parser.addoption("--seed", type=int, default=today, help="of cases that are drawn at random; absent: the number of the day")
+    number = int(os.environ.setdefault("MPP_TAICHI_TEST_ROTATION", str(rotation.number(ROOT, today))))
+    parser.addoption("--rotation", type=int, default=number, help="of the sample; absent: of the commit, or of the day")
 
 
 def pytest_report_header(config):
-    """The seed of what is drawn."""
-    return f"cases that are drawn at random: --seed {config.getoption('--seed')}"
+    """The numbers by which the tests of this run were chosen."""
+    return f"of this run: --rotation {config.getoption('--rotation')} --seed {config.getoption('--seed')}"
 
 
 def pytest_collection_modifyitems(config, items):
@@ -111,15 +122,17 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason=f"{reason}: {', '.join(needed)} off"))
     if config.getoption("--thorough"):
         return
-    seen, kept, left = {}, [], []
-    for item in items:
-        mark = item.get_closest_marker("sampled")
-        case = seen[item.parent, item.originalname] = seen.get((item.parent, item.originalname), -1) + 1
-        # Along a diagonal: of two parameters that vary together neither stands still.
-        skipped = item.get_closest_marker("thorough") or (mark and (case + case // mark.args[0]) % mark.args[0])
-        (left if skipped else kept).append(item)
+    kept, left = rotation.chosen(items, config.getoption("--rotation"))
     config.hook.pytest_deselected(items=left)
     items[:] = kept
+
+
+def pytest_runtest_setup(item):
+    """Skip what a sample took where the time is over; the reason counts them in the list of skipped tests."""
+    budget = item.config.getoption("--budget")
+    may_skip = item.get_closest_marker("sampled") and not item.config.getoption("--thorough")
+    if may_skip and time.monotonic() - BEGAN > 60.0 * budget:
+        pytest.skip(f"a sampled test, and the {budget:g} minutes of --budget are over")
 
 
 def pytest_configure(config):

@@ -145,6 +145,7 @@ def planted(errors, *, looks=3, order=4):
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("falls", [16.0, 4.0, 2.5, 1.5])
 def test_bars_hold_for_any_rate_of_convergence(falls):
     found = planted([1e-3 * falls**-k for k in range(5)])
@@ -196,6 +197,7 @@ def test_errors_below_the_bar_are_never_numbers(kepler_study):
     assert str(MeasuredError.against(0.0, 1e-15)) == "≤ 1e-15"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("apart", [0.0, 0.3, 0.999, 1.001, 1.999, 2.001, 5.0])
 @pytest.mark.parametrize("error_of_reference", [-1.0, 1.0])
 def test_a_stated_error_is_half_to_twice_the_true_error_whatever_the_error_of_the_reference_is(apart, error_of_reference):
@@ -563,6 +565,7 @@ def test_a_tree_beyond_direct_sums_is_refused_in_a_line(capfd, tmp_path):
     assert "a tree is measured against the direct sum, of up to 100,000 particles, not 100,001" in told and "\n" not in told
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "words", [("--budget", "60 parsecs"), ("--budget", "-1s"), ("--integrators", "runge"), ("--backends", ",")]
 )

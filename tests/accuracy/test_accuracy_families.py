@@ -81,6 +81,7 @@ def found_for(scene):
     return problem, methods(problem)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "kinds"),
     [

@@ -55,6 +55,7 @@ def direct_energy(now):
 # --- names ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name, parts",
     [
@@ -69,6 +70,7 @@ def test_a_name_says_what_sums_the_forces_and_back(name, parts):
     assert force_solvers.joined(*parts) == name
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("accuracy", ["", "x", "0.5", "1e-9", "nan"])
 def test_no_such_accuracy(accuracy, tmp_path, capsys):
     name = f"leapfrog+tree-{accuracy}"
@@ -136,7 +138,7 @@ def runs():
     return found
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("accuracy", [1e-1, 1e-2])
 def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accuracy):
     exact = runs["leapfrog"][0].end
@@ -149,7 +151,7 @@ def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accur
     assert off.max() > 1e-13  # and it is another sum
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     for name, (sample, expected) in runs.items():
         # The last sample is at the end; both sums round by some √N ulp of energies that are not larger than their parts.
@@ -158,7 +160,7 @@ def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     assert coarse > fine
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_a_study_tells_the_tree_from_the_direct_sum(tmp_path):
     import_taichi()
     problem, names = pose(load_scene(stars(800, accuracy=0.1))), ("leapfrog", "leapfrog+tree-1e-1")
@@ -177,6 +179,7 @@ def test_a_study_tells_the_tree_from_the_direct_sum(tmp_path):
 # --- what follows ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("accuracy", [None, 1e-2])
 @pytest.mark.parametrize("chosen", ["pefrl", "leapfrog+tree-1e-4"])
 def test_a_choice_brings_its_solver_with_it(accuracy, chosen):

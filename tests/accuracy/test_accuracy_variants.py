@@ -29,6 +29,7 @@ def test_a_variant_has_other_parameters_than_the_defaults(name):
     component.build("integrators", integrator, {**usual, **parameters, "dt": 0.1})
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["leapfrog", "leapfrog+tree-1e-3", "leapfrog+lazy", "nothing+lazy", "wisdom_holman+quick"])
 def test_other_names_are_no_variants(name):
     assert split_variant(name) == (name, {})

@@ -38,6 +38,7 @@ def read_all(path):
         found.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("path", ARCHIVES, ids=IDS)
 def test_a_cut_archive_keeps_its_whole_records(path, tmp_path):
     data, wanted, cut = path.read_bytes(), read_all(path), tmp_path / "cut.run"
@@ -55,6 +56,7 @@ def test_a_cut_archive_keeps_its_whole_records(path, tmp_path):
     assert counts == set(range(len(wanted)))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("path", ARCHIVES, ids=IDS)
 def test_a_changed_byte_is_found(path, tmp_path):
     data, wanted, changed, seed = path.read_bytes(), read_all(path), tmp_path / "changed.run", random.randrange(2**32)
@@ -100,6 +102,7 @@ def test_a_state_of_wrong_values_is_refused_in_words(kind, tmp_path):
     assert refused > 100
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("changes", "told"),
     [

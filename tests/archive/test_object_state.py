@@ -55,6 +55,7 @@ def test_what_cannot_be_captured_is_named():
         object_state.captured(found)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name",
     [

@@ -44,6 +44,7 @@ def placed(tmp_path, monkeypatch):
     return place
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("release", "kind"), RUNS, ids=[f"{release.name} {kind}" for release, kind in RUNS])
 def test_a_run_of_an_earlier_release_goes_on(release, kind, placed, capsys):
     wanted = placed(release, kind)
@@ -59,6 +60,7 @@ def test_a_run_of_an_earlier_release_goes_on(release, kind, placed, capsys):
         assert Path("film.mp4").stat().st_size > 1000
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("release", "kind"), RUNS, ids=[f"{release.name} {kind}" for release, kind in RUNS])
 def test_an_archive_of_an_earlier_release_is_replayed(release, kind, capsys):
     assert main(["replay", str(release / f"{kind}.run"), "--json"]) == 0

@@ -100,7 +100,7 @@ def test_a_film_of_two_methods_and_their_distance_is_that_of_two_plain_runs(scen
     assert np.abs(left[-1] - left[0]).max() > 100, "and they move"
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
     name = scene(run={"duration": 0.5})
     words = ["record", name, "--beside", "forces=[]", "--still", "two.png", "--frames", "film", "--backend", "cpu", *FILM]
@@ -127,7 +127,7 @@ def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
         assert caption.sum() > 30 and abs(columns.mean() - 159) < 20, "written in the middle below the half"
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_what_has_merged_on_either_side_is_not_compared(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     content = {
@@ -220,7 +220,7 @@ def test_moments_are_the_ends_of_plain_runs_and_change_no_bit(content):
         np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-13)
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("setting", ["precision=f32", "backend=vulkan"])
 def test_another_device_is_another_process_that_says_what_it_is(scene, capsys, setting, request):
     if setting == "backend=vulkan":
@@ -325,6 +325,7 @@ def test_a_page_holds_one_run_whatever_is_beside_it(scene, capsys):
     assert Path("a.html").exists()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("said", "fault"),
     [
@@ -355,6 +356,7 @@ def test_what_the_scenes_right_half_cannot_be_is_told_at_its_place(scene, capsys
 # --- errors -----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("setting", "code", "message"),
     [

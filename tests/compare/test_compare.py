@@ -320,7 +320,7 @@ class WeakBounce(ContactMemory):
         return ti.cast(0.998, float), 0
 
 
-@pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.sampled(3))])
 def test_exact_contacts_are_judged_and_a_weak_one_is_a_bug(monkeypatch, request, backend):
     if backend == "vulkan":
         request.getfixturevalue("software_vulkan")
@@ -341,7 +341,7 @@ class WeakPush(ContactGroup):
         SOUND_PUSH(self, state, c, 0.999 * impulse, impulse_low, lost)
 
 
-@pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.sampled(3))])
 def test_contacts_in_groups_are_judged_in_f64_and_a_weak_one_is_a_bug(monkeypatch, request, backend):
     """Three rows of four touch at the start, as in a cradle: whether they do is no matter of f64's rounding; it is of f32's."""
     if backend == "vulkan":
@@ -414,6 +414,7 @@ def test_forces_of_the_reference_are_minus_the_gradient_of_its_energy():
         assert force[i, axis] == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("method", numpy_steps.METHODS)
 def test_steps_of_the_reference_have_the_order_of_their_method(method):
     """Halving dt, errors fall by 2^order; the next term, a twentieth of a radian smaller, moves that by less than a fifth."""

@@ -25,6 +25,7 @@ VERSIONS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("text", VERSIONS)
 def test_the_version_is_what_the_driver_says_of_itself(text):
     assert load_opencl("devices").driver_version(text) == VERSIONS[text]
@@ -99,6 +100,7 @@ REFUSALS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", REFUSALS)
 def test_what_there_is_no_kernel_for_is_refused_by_name(opencl, name):
     scene, options, message = REFUSALS[name]

@@ -18,6 +18,7 @@ def test_each_variant_of_the_direct_sum_is_exact(opencl, variant, precision):
         assert error < FORCE_LIMITS[precision], (count, softening)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("variant", ["naive", "tiled", "vectors", "third_law"])
 def test_roots_seeded_in_f32_are_exact_in_f64(opencl, variant):
     """5/16 h³ of a seed that f32 rounds a few times, h ≤ 8·2⁻²⁴, is far below 2⁻⁵³."""

@@ -43,6 +43,7 @@ def test_two_phases_add_up_alike_however_often_they_are_looked_at():
     np.testing.assert_allclose([once.virial, *once.wall_impulse], [plain[0], *plain[4:]], rtol=3 * 2.0**-52)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 1e308])
 def test_sums_that_are_not_finite_end(value):
     found = ContactReport(virial=value) + ContactReport(virial=value)

@@ -84,6 +84,7 @@ def test_two_spheres_leave_an_oblique_contact_as_the_formula_says(solver, precis
         assert np.abs(after.position - position).max() < tolerance * scale
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", UNIT)
 @pytest.mark.parametrize("seed", range(3))
 def test_pairwise_spheres_leave_a_contact_as_the_formula_says_for_where_it_is_noticed(seed, precision):
@@ -264,6 +265,7 @@ FAULTS = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("change", "message"), FAULTS)
 def test_impossible_contacts_are_refused_in_one_line(change, message):
     scene = spheres([BALL | {"position": [0, 0, 0]}, BALL | {"position": [3, 0, 0]}], solver="swept") | change
@@ -272,6 +274,7 @@ def test_impossible_contacts_are_refused_in_one_line(change, message):
     assert message in str(caught.value) and len(caught.value.faults) == 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("solver", "count", "reason"),
     [
@@ -356,6 +359,7 @@ def test_a_heap_at_one_place_opens_and_a_full_box_is_refused():
     assert (depth <= 1e-9 * 0.5).all() and np.abs(apart.position).max() <= 2.5 * (1 + 1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("period", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)])
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_overlapping_pairs_are_those_of_a_look_at_all_pairs(period, dimensions):

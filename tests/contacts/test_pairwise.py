@@ -36,7 +36,6 @@ def test_an_overlapping_pair_bounces_and_is_moved_apart_by_inverse_mass():
     solver.destroy()
 
 
-@pytest.mark.sampled(2)
 @pytest.mark.parametrize("walls", [True, False], ids=["walls", "periodic"])
 def test_the_bits_depend_neither_on_how_pairs_are_found_nor_on_the_threads(walls):
     """And the energy of an elastic gas stays, whatever is moved where."""

@@ -76,7 +76,7 @@ def test_a_pile_gains_no_energy_and_comes_to_rest(request):
     assert np.abs(total).max() < 12 * lacking / COMPLIANCE  # twelve neighbours at most
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_ten_thousand_come_to_rest_sink_no_more_and_never_gain_energy(request):
     """The scene itself, until the kinetic energy is 1e-8 m g d each (Silbert et al., Phys. Rev. E 65 (2002) 031304), and on.
 

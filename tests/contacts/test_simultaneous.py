@@ -101,6 +101,7 @@ def energy(velocity, inverse_mass):
     return 0.5 * np.sum(np.where(inverse_mass > 0, velocity**2 / np.where(inverse_mass > 0, inverse_mass, 1), 0))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("n, incoming", [(5, 1), (5, 2), (5, 3), (50, 7), (500, 1), (500, 3)])
 def test_as_many_balls_leave_a_cradle_as_come_in(impact, n, incoming):
     velocity, waves, failed = impact(*chain(n, incoming))
@@ -266,7 +267,7 @@ def test_two_balls_meet_exactly_when_and_as_they_should(table):
     assert np.abs(after[0] - ([-0.8, 0.0] + 1.8 * expected)).max() < 64 * ROUND_OFF
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
     """Two racks far apart, each with its ball, on the grid; the groups grow by the spheres that touch them."""
     rack = [(np.sqrt(0.75) * c, r - c / 2) for c in range(4) for r in range(c + 1)]

@@ -73,6 +73,7 @@ def speed_change(before, after):
     return float(last / first - 1.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mass", [1.0, 3.7])
 @pytest.mark.parametrize("room", ROOMS)
 def test_the_speed_in_a_room_walks_at_random(room, mass):

@@ -13,6 +13,7 @@ def integrate(times, function):
     return running.value
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 9])
 def test_polynomials_are_integrated_exactly_as_far_as_the_samples_determine_them(count):
     """From the first sample on: a line through two, a parabola through three, a cubic from four on."""
@@ -36,6 +37,7 @@ def spiral(t):
 EXACT = np.array([((np.exp(1 + 7j) - 1) / (1 + 7j)).real, ((np.exp(1 + 7j) - 1) / (1 + 7j)).imag])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("pattern", [[1], [1, 1, 1, 0.3], [1, 1, 1e-9], [0.01, 1, 1, 1], [1, 2, 0.5]])
 def test_the_order_is_four_at_any_spacing(pattern):
     counts = [60, 120, 240, 480]

@@ -332,6 +332,7 @@ def test_halves_side_by_side_have_their_own_forces(tmp_path, monkeypatch):
 # What may be said
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("arrows", "fault"),
     [

@@ -34,6 +34,7 @@ def cpu():
     backends.start("cpu", "f64")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FORCES)
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_force_is_minus_the_gradient_of_the_potential(name, dimensions):
@@ -74,6 +75,7 @@ def test_internal_forces_exert_no_torque(name):
     assert np.abs(torque.sum(0)).max() <= 40 * 2.0**-53 * np.abs(torque).sum()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FORCES)
 def test_forces_that_depend_on_velocity_take_energy_out(name):
     force = build_force(name)

@@ -119,6 +119,7 @@ CASES = {
 COUNTS = ("pair_count", "wall_count", "elastic_count", "merge_count", "unresolved")  # sums may be rounded in another order
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CASES)
 def test_the_search_changes_no_bit_and_no_count_of_a_run_with_contacts(name):
     with mpp.Simulation(CASES[name], backend="cpu", precision="f64") as simulation:

@@ -94,6 +94,7 @@ CASES = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CASES)
 def test_the_search_changes_no_bit_of_the_run(name):
     scene, precision = CASES[name]

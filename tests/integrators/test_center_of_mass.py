@@ -89,6 +89,7 @@ def test_the_bits_of_a_motion_depend_on_neither_the_origin_nor_the_frame(name, p
     assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["f32", "f32c", "ds", "f64"])
 def test_no_precision_loses_digits_far_from_the_origin(precision):
     found = []
@@ -99,6 +100,7 @@ def test_no_precision_loses_digits_far_from_the_origin(precision):
     assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_no_bit_of_a_start_is_lost_in_the_frame_of_the_centre(seed):
     """Values far from zero or near it, of small extent or large: their differences from the centre are exact."""
@@ -123,6 +125,7 @@ def test_a_system_at_rest_about_the_origin_keeps_its_numbers():
     assert np.array_equal(center(np.full((3, 2), 0.3), np.ones(3)), [0.3, 0.3])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["rkn8", "dop853", "wisdom_holman", "taylor"])
 def test_a_run_divided_by_a_state_file_has_the_bits_of_the_whole(name, tmp_path):
     scene = exact(origin=(0.1, 0.2, 0.3), drift=(1 / 3, 0.1, -0.7), dt=0.01, integrator=name)
@@ -243,6 +246,7 @@ def test_what_ties_the_bodies_to_the_origin_leaves_them_in_the_frame_of_the_scen
         assert np.array_equal(run.state.position.to_numpy(), run.start.position)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", sorted(set(component.names("integrators")) - set(CENTERED) - {"event_driven"}))
 def test_methods_of_low_order_step_in_the_frame_of_the_scene(name):
     assert component.flag("integrators", name, "order", 0) < 6 or name == "janus"
@@ -358,7 +362,7 @@ def test_spheres_that_collide_in_a_moving_frame_collide_as_at_rest():
     assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])
 
 
-@pytest.mark.parametrize("name", ["rkn8", pytest.param("ias15", marks=pytest.mark.thorough), "dop853"])
+@pytest.mark.parametrize("name", ["rkn8", pytest.param("ias15", marks=pytest.mark.sampled(3)), "dop853"])
 def test_a_cluster_far_from_the_origin_moves_as_at_the_origin(name):
     """From the same numbers, rounded to 40 bits so that they are numbers far from the origin as well."""
     scene = cluster(8, softening=0.2, dt=0.02, integrator=name)

@@ -54,7 +54,7 @@ def test_the_nodes_are_those_of_radau_and_the_two_bases_are_inverse():
     assert powers @ s ** np.arange(1, size + 1) == pytest.approx(products, rel=1e-12)
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("eccentricity", [0.9, 0.99, 0.999])
 def test_a_hundred_orbits_end_where_they_began(eccentricity):
     scene, period = planet(eccentricity, 3, 100)
@@ -88,7 +88,7 @@ def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
     assert ends[0] == ends[1]
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-13), ("f32", 1e-5)])
 def test_the_figure_eight_does_not_stall_where_an_acceleration_is_zero(precision, limit):
     """At T/6 a body passes the centre between the two others: its acceleration is zero, and no measure of a step may be."""
@@ -132,7 +132,7 @@ def test_a_collision_is_said_and_not_stepped_over():
         assert np.isfinite(run.snapshot().position).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_drag_and_a_force_in_time_against_closed_forms():
     scene = TWO_BODY | {
         "forces": [{"linear_drag": {"coefficient": 0.7}}, {"uniform_gravity": {"acceleration": [0, -2]}}],
@@ -148,7 +148,7 @@ def test_drag_and_a_force_in_time_against_closed_forms():
     )
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_replicas_go_on_alone_and_give_the_bits_of_one():
     scene, period = planet(0.6, 5, 4)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -164,7 +164,7 @@ def test_replicas_go_on_alone_and_give_the_bits_of_one():
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_going_back_gives_the_same_bits_again():
     scene, period = planet(0.6, 5, 4)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -179,7 +179,7 @@ def test_going_back_gives_the_same_bits_again():
         )
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_the_energy_error_grows_like_round_off():
     """Brouwer's law: the rms over an ensemble grows with the root of the number of steps; a bias would make it grow with it."""
     scene, period = planet(0.3, 1, 4000)

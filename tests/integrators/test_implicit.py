@@ -287,6 +287,7 @@ def test_steps_that_newton_does_not_solve_are_cut_and_counted():
         assert np.isfinite(simulation.snapshot().position).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_going_back_to_a_mark_repeats_every_bit(name):
     """What a method hands on from step to step, BDF2's earlier state say, belongs to what is marked."""
@@ -329,7 +330,7 @@ def test_the_summary_tells_what_the_solver_did(tmp_path, capsys):
     assert found["unsolved_steps"] == 0 and "Newton iterations a step" in out.err
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_implicit_replicas_equal_their_single_runs():
     scene = everything(integrator="bdf2")
     with Simulation(scene, backend="cpu") as simulation:

@@ -80,6 +80,7 @@ def everything_reference(simulation):
     return end[: y.size // 2].reshape(-1, 3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_order_of_convergence_on_an_eccentric_orbit(name):
     finest = {1: 4096, 2: 512, 4: 320, 6: 40}[declared(name, "order")]
@@ -160,6 +161,7 @@ def test_momentum_is_kept_to_round_off(name):
     assert error <= 1000 * (ROUND_OFF + solver) * before["momentum_scale"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", TABLES)
 def test_tables_are_consistent(name):
     """Weights sum to one: the first condition of any order."""
@@ -171,6 +173,7 @@ def test_tables_are_consistent(name):
         assert math.fsum(method.b) == pytest.approx(1.0, abs=4 * ROUND_OFF)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", dict.fromkeys(ONE_OF_EACH_FAMILY + ALONE))  # the sums of tables are looked at above
 def test_a_free_particle_flies_straight(name):
     scene = {
@@ -221,6 +224,7 @@ def oscillator_step(method, terms):
     return np.stack([x, v])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", TABLES)
 def test_every_digit_of_a_table_counts(name):
     """On the oscillator a step must be the Taylor series of exp(hJ) up to the order, to the rounding of its coefficients."""

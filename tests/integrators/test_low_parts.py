@@ -29,6 +29,7 @@ def error_after(steps, scene, **options):
     return np.abs(end - exact).max(), np.maximum(np.abs(start), np.abs(exact)).max()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", CARRYING)
 @pytest.mark.parametrize("start", [0.0, THIRD, -20.0 * THIRD, 1000.0 + THIRD])
 def test_free_flight_of_a_hundred_thousand_steps_is_right_to_48_bits(start, precision):
@@ -38,9 +39,9 @@ def test_free_flight_of_a_hundred_thousand_steps_is_right_to_48_bits(start, prec
     assert error <= 2 * steps * UPDATE * size
 
 
+# The twelve stages of dop853 take four minutes to compile in pairs of floats, and drift as those of the other tables do.
 @pytest.mark.sampled(6)
-@pytest.mark.parametrize("precision", CARRYING)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "precision"), [(m, p) for m in METHODS for p in CARRYING if (m, p) != ("dop853", "df64")])
 def test_free_flight_is_right_to_48_bits_in_every_method(method, precision):
     """A step of any of them has at most 35 drifts; v as rounded to f32 would be off by 10⁻⁸ v t, sixteen times the bound."""
     steps = 2000
@@ -48,6 +49,7 @@ def test_free_flight_is_right_to_48_bits_in_every_method(method, precision):
     assert error <= 35 * steps * UPDATE * size < 1e-8 * THIRD * steps * DT
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", CARRYING)
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
 def test_free_flight_has_the_same_bits_under_every_plan_and_on_vulkan(backend, precision, request):

@@ -127,6 +127,7 @@ def test_a_precision_that_its_probe_does_not_find_is_refused(precision, finding,
 # --- what is kept -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_free_flight_far_from_the_origin(precision):
     """A step of 2⁻⁹/3 is 10⁻² of the spacing of f32 at 10⁶: f32 does not move at all, all others are right."""
@@ -294,6 +295,7 @@ def test_low_parts_take_memory_only_where_the_precision_asks_for_them():
 # --- what is refused, and where precisions are named --------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("integrator", ["adaptive_leapfrog", "implicit_midpoint", "ias15"])
 @pytest.mark.parametrize("precision", EXTENDED)
 def test_methods_that_carry_no_low_parts_are_refused_by_name(integrator, precision):

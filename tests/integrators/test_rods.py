@@ -180,6 +180,7 @@ SQUARE = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)]
 SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "scene, words",
     [

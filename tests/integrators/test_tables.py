@@ -24,6 +24,7 @@ RUNGE_KUTTA = [name for name in INTEGRATORS if BASES[name] == "RungeKutta"]
 GENERAL_ORDER = {"mclachlan_atela4": 3, "srkn11b": 4, "srkn14a": 4, "rkn8": 4}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splittings_fulfil_the_conditions_of_their_order_and_not_of_the_next(name):
     method = component.build("integrators", name, {"dt": 1.0})
@@ -38,6 +39,7 @@ def test_splittings_fulfil_the_conditions_of_their_order_and_not_of_the_next(nam
     assert order == method.order or general[order] > 1e-6
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", RUNGE_KUTTA)
 def test_runge_kutta_methods_fulfil_the_conditions_of_their_order_and_not_of_the_next(name):
     method = component.build("integrators", name, {"dt": 1.0})
@@ -251,6 +253,7 @@ def test_those_that_refuse_friction_say_so_as_classes_and_to_the_scene():
     assert all(takes_friction(name) for name in component.proposed("integrators", "friction"))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", REFUSING)
 def test_forces_that_depend_on_velocity_are_refused_by_name(name):
     scene = everything(integrator=name)

@@ -169,6 +169,7 @@ COUNTS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", COUNTS)
 def test_zero_frequency_modes_are_counted_and_told_apart(name):
     (points, links, options), expected = COUNTS[name]
@@ -475,6 +476,7 @@ def test_faulty_modes_are_refused_before_the_run(tmp_path, capsys, monkeypatch):
 
 # That a method's amplification matrix is what its steps do, test_integrators asks of every method; here a matrix is read. No
 # loss, little, much; two states in one, and derivatives.
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["leapfrog", "rk4", "implicit_euler", "bdf2", "hermite4"])
 def test_the_predicted_damping_is_that_of_a_simulated_oscillator(name):
     """Positions obey x_{n+1} = 2 |λ| cos θ x_n − |λ|² x_{n−1}, once what other eigenvalues a method has have died away."""

@@ -60,6 +60,7 @@ def test_accelerations_are_added_to_what_is_there(precision):
         np.testing.assert_allclose(twice, 2 * once, rtol=0, atol=4 * rounding(20, precision) * np.abs(once).max())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("size", "charged"), [(5, True), (20, False), (21, True)])
 def test_a_replica_feels_only_its_own_bodies(size, charged, precision):
     forces = (Gravity(0.0), Charges(0.0)) if charged else (Gravity(0.0),)
@@ -89,6 +90,7 @@ def test_own_launch_gives_the_bits_of_the_inlined_loop(precision, monkeypatch):
     np.testing.assert_array_equal(launcher.run("launch"), launcher.run("lanes"))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("size", [5, 20])
 def test_bodies_at_one_place_are_never_silently_finite(size, precision):
     bodies = bodies_of(size, 3, precision)
@@ -169,7 +171,6 @@ def _digest(threads):
     return digest.hexdigest()
 
 
-@pytest.mark.thorough
 def test_bits_do_not_depend_on_the_number_of_threads():
     program = "import sys; from test_pair_sum import _digest; print('digest', _digest(int(sys.argv[1])))"
     folder = os.path.dirname(__file__)

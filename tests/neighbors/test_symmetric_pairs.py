@@ -49,7 +49,6 @@ def test_a_force_that_is_no_mere_arithmetic_is_taken_lane_by_lane():
         assert np.abs(found - lanes).max() <= 2 * rounding(SYMMETRIC_COUNT, precision) * SYMMETRIC_COUNT
 
 
-@pytest.mark.thorough
 def test_the_bits_do_not_depend_on_the_number_of_threads():
     found = []
     for threads in (1, 3):

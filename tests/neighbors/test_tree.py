@@ -111,6 +111,7 @@ def errors(found, exact):
     return np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["sphere", "plummer", "disc", "ring", "clumps"])
 def test_99_of_100_forces_keep_the_accuracy(tree, kind):
     position, mass = bodies(kind)
@@ -227,6 +228,7 @@ def test_neighbours_on_the_curve_are_neighbours_in_space(tree, dimensions):
     assert np.abs(np.diff(path, axis=0)).sum(1).max() == 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("leaves", [1, 2, 3, 5, 8, 37])
 def test_every_leaf_is_reached_once(leaves):
     skip, first, count, levels = preorder(leaves)
@@ -249,7 +251,6 @@ def test_a_tree_sums_nothing_beside_others(tree):
 # Other devices ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
 def test_the_bits_do_not_depend_on_the_threads():
     position, mass = bodies("plummer")
     found = []
@@ -351,6 +352,7 @@ def test_held_axes_stay():
     assert place[0] == 3.0 and place[2] == 0.0 and place[1] != 0.0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("change", "text"),
     [

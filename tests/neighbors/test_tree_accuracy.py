@@ -58,6 +58,7 @@ def placed(tree, kind, accuracy, precision="f64"):
     return np.maximum(error, 0.0) / np.linalg.norm(acceleration, axis=1)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("tree", UNIT, indirect=True)
 def test_99_of_100_forces_keep_the_accuracy_also_where_pulls_cancel(tree, kind, request):
@@ -74,7 +75,7 @@ def test_in_two_dimensions_forces_keep_the_accuracy_where_pulls_cancel():
             assert np.percentile(placed(plane, kind, accuracy), 99) <= accuracy
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_a_thread_for_each_body_keeps_the_accuracy_where_pulls_cancel():
     """The walk of GPUs, here on the CPU."""
     backends.start("cpu", "f64", threads=2)
@@ -99,6 +100,7 @@ def walks(tree, monkeypatch):
     return len(count)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["sphere", "plummer", "clusters", "heavy"])
 def test_bodies_whose_pulls_do_not_cancel_walk_once(tree, kind, monkeypatch):
     position, mass = bodies(kind, COUNT, np.float64)

@@ -34,6 +34,7 @@ def links(**more):
 # --- lattices -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "shape, fixed, held",
     [
@@ -92,6 +93,7 @@ def test_a_displaced_body_stretches_its_springs():
 # --- links --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("shape", [(4, 3), (5,), (1, 4), (3, 2, 4), (1, 1), (2, 1, 3)])
 @pytest.mark.parametrize("kind", ["nearest", "diagonal", "bending"])
 def test_links_are_all_pairs_at_their_distance(shape, kind):
@@ -162,6 +164,7 @@ integrator: {leapfrog: {dt: 0.01}}
 """
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "old, new, fault",
     [
@@ -229,6 +232,7 @@ def test_springs_whose_ends_coincide_are_named_once(caplog, tmp_path):
 ACROSS = {"upper": [3, 2, 0], "fixed": "rim", "displacement": [0, 0, "0.1 * sin(pi * u) * sin(pi * v)"]}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "net, springs, more, warned",
     [

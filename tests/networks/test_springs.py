@@ -139,7 +139,7 @@ def test_a_radial_orbit_passes_through_the_place_of_the_other_end():
         np.testing.assert_allclose(simulation.snapshot().position[1], [-0.8, 0, 0], atol=1e-8)
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_springs_between_the_same_particles_add():
     single = hard_networks.chain_of([1.0], [3.0], damping=0.5)
     double = hard_networks.chain_of([1.0], [1.0], damping=0.2)

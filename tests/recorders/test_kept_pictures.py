@@ -91,6 +91,7 @@ def test_many_changes_are_compressed(monkeypatch):
     assert np.array_equal(again.film.pictures, [grey, grey // 2])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("length", [1, 63, 64, 65, 3600])
 def test_a_difference_of_any_length_gives_the_array_back(length):
     random = np.random.default_rng(length)
@@ -119,6 +120,7 @@ def damages(chunk):
     }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", damages([np.zeros(1, np.uint8)] * 3))
 def test_pictures_that_are_damaged_are_refused(name):
     saved, news = kept([pictures(3)])

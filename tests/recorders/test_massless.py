@@ -41,6 +41,7 @@ def watched(content, every, precision="f64"):
         return None, float(np.linalg.norm(simulation.snapshot().velocity[-1]))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dt, every", [(0.1, 1), (0.1, 3), (0.1, 50), (0.03, 10), (0.01, 30), (0.005, 60)])
 def test_a_massless_particle_that_a_step_throws_away_stops_the_run(dt, every):
     error, _ = watched(scene(THROWN, dt, 60), every)
@@ -49,6 +50,7 @@ def test_a_massless_particle_that_a_step_throws_away_stops_the_run(dt, every):
     assert "try dt = 0.0" in str(error)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("integrator, dt", [("leapfrog", 0.001), ("rk4", 0.001)])
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_a_step_that_holds_raises_no_alarm(integrator, dt, precision):

@@ -89,6 +89,7 @@ def test_the_steps_of_a_run_do_not_notice_the_samples() -> None:
     np.testing.assert_array_equal(end.velocity, plain.velocity)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("turns", [0.93, 1.0, 2.5])
 @pytest.mark.parametrize("trails", [100, 0])
 def test_a_body_that_turns_farther_than_a_third_of_a_circle_between_frames_is_told_once(turns, trails) -> None:

@@ -198,6 +198,7 @@ def film(scene, frame_count, span, **length):
     return view.frames, end
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("frame_count", [1, 2, 7, 60])
 def test_film_frames_are_evenly_spaced_whatever_the_step(frame_count):
     # dt does not divide the span, and for 60 frames several lie within one step.
@@ -243,6 +244,7 @@ def test_progress_bar_shows_speed_and_energy(monkeypatch, capsys):
     assert "steps/s" in text and "ΔE/E 1.0e-09" in text and progress._bar.tasks[0].completed == 50
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3, 0.9])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_orbital_period_of_kepler_orbits(eccentricity, direction):

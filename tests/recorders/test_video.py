@@ -112,6 +112,7 @@ def test_odd_sizes_are_padded_to_even_ones(tmp_path: Path, size: tuple[int, int]
     assert block_center(frames[4]) == pytest.approx(4 * 4 + 19.5, abs=1.0), "pixels stay where they are"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["-y.mp4", "a b $(touch x).mp4", "Šídlo ö.mp4", "a:b.mp4", "%03d.mp4", "'.gif", "A.MP4"])
 def test_awkward_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.chdir(tmp_path)
@@ -171,6 +172,7 @@ def foreign_ffmpeg(folder: Path, answer: str) -> Path:
     return program
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.skipif(os.name == "nt", reason="the false encoder is a shell script")
 @pytest.mark.parametrize("suffix", [".mp4", ".gif", ".webp"])
 @pytest.mark.parametrize("answer", ["echo libx263; exit 0", "exit 1", "echo libx264 libx264rgb libwebp_anim"])
@@ -201,6 +203,7 @@ def test_an_encoder_on_the_path_is_used_for_the_formats_whose_codec_it_has(
         check_encoder(".webp")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("body", "message"),
     [

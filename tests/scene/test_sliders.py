@@ -180,7 +180,56 @@ def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision
         assert len(again._runner.compiled) == 1, "all phases by the same kernels"
 
 
-@pytest.mark.thorough
+def networks(*, soft=2.0, stiff=9.0, damped=0.1, prestretch=1.2):
+    """Three nets and a link between them: two entries have the type's stiffness, two their own, in a mixed order."""
+    nets = [
+        {"lattice": {"name": name, "shape": [3, 2, 1], "lower": [x, 0, 0], "upper": [x + 2, 1, 0], "mass": 0.1}}
+        for name, x in (("a", 0.0), ("b", 3.0), ("c", 6.0))
+    ]
+    return {
+        "particles": nets,
+        "springs": [
+            {"lattice_links": {"of": "a", "type": "soft", "damping": damped}},
+            {"lattice_links": {"of": "b", "stiffness": stiff, "prestretch": prestretch}},
+            {"link": {"between": ["a[2]", "b[0]"], "type": "soft"}},
+            {"lattice_links": {"of": "c", "type": "soft", "stiffness": 4}},
+        ],
+        "spring_types": {"soft": {"stiffness": soft, "prestretch": 1.1}},
+        "forces": [{"uniform_gravity": {"acceleration": [0, 0, -1]}}],
+        "integrator": {"velocity_verlet": {"dt": 0.01}},
+        "sliders": [
+            {"set": path}
+            for path in (
+                "spring_types.soft.stiffness",
+                "springs[1].lattice_links.stiffness",
+                "springs[0].lattice_links.damping",
+                "springs[1].lattice_links.prestretch",
+            )
+        ],
+    }
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+def test_a_slider_moves_the_springs_of_its_own_network_alone(plan):
+    """A start with moved sliders has the bits of the scene that is written with those numbers, for each slider by itself."""
+    moves = [{"soft": 3.0}, {"stiff": 5.0}, {"damped": 0.2}, {"prestretch": 1.4}]
+    how = {"backend": "cpu", "precision": "f64", "plan": plan}
+    with mpp.Simulation(networks(), **how) as simulation:
+        paths = [slider["set"] for slider in networks()["sliders"]]
+        unmoved = [2.0, 9.0, 0.1, 1.2]
+        for path, value, move in zip(paths, unmoved, moves, strict=True):
+            simulation.run(steps=3)
+            simulation.set(path, *move.values())
+            simulation.restart(as_written=True)  # sliders stay where they are
+            moved = simulation.run(steps=40).snapshot()
+            with mpp.Simulation(networks(**move), **how) as written:
+                found = written.run(steps=40).snapshot()
+            assert np.array_equal(moved.position, found.position) and np.array_equal(moved.velocity, found.velocity), path
+            simulation.set(path, value)
+
+
+@pytest.mark.sampled(12)
 def test_a_number_that_is_loaded_gives_the_bits_of_one_that_is_compiled(tmp_path):
     events = "".join(f"  - {{at: {at}, set: {{{STRENGTH}: {value}}}}}\n" for at, value in ((0.5, 1.7), (0.9, 0.3), (1.3, 4)))
     text = f"run: {{duration: 2}}\n{BODIES}{GRAVITY}timeline:\n{events}"

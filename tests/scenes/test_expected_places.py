@@ -46,6 +46,7 @@ def path(name, times, changes):
     )[0]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name, particle, axis, at, noticed",
     [

@@ -53,6 +53,7 @@ def is_sound(found):
     return abs(end_kinetic + end_potential - kinetic - potential) <= ENERGY_LIMIT * size
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("group", GROUPS)
 def test_extremes_are_right_or_told_or_refused_in_one_line(tried, group):
     kind, name, precision = tried

@@ -77,6 +77,7 @@ def test_softening_makes_the_same_encounter_finite():
     assert np.isfinite(end.position).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("broken_at", [1, 2, 3, 64, 100])
 def test_bisection_finds_the_first_bad_step(broken_at):
     now, kept = [0], [0]
@@ -95,7 +96,7 @@ def test_bisection_finds_the_first_bad_step(broken_at):
     assert now[0] == broken_at - 1
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 def test_software_vulkan_is_not_trusted_with_more_loop_iterations_than_it_makes(software_vulkan):
     with Simulation(cluster(40), backend="vulkan", precision="f32", plan="serial") as simulation:
         limit = simulation.device.probes.loop_limit

@@ -91,6 +91,7 @@ def stiffness_by_complex_step(snapshot):
     return columns
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["plain", "prestretched", "compressed", "flat", "held", "masses", "stiffnesses", "no length"])
 def test_the_largest_frequency_is_that_of_the_whole_matrix(kind):
     snapshot, dimensions = random_network(kind), 2 if kind == "flat" else 3
@@ -103,6 +104,7 @@ def test_the_largest_frequency_is_that_of_the_whole_matrix(kind):
     assert row_sum_bound(snapshot, dimensions, snapshot.springs.stiffness) >= expected
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mode", ["axial", "full"])
 @pytest.mark.parametrize("drag", [0.0, 3.0])
 def test_the_largest_damping_rate_is_that_of_the_whole_matrix(mode, drag):
@@ -196,6 +198,7 @@ def test_the_limits_of_the_double_pendulum(name, limit):
 OSCILLATORS = [(1.0, 0.0), (1.0, 0.02), (1.0, 1.0), (1.0, 5.0), (0.0, 1.0)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("name", "frequency", "damping"),
     [(name, w, c) for name in INTEGRATORS for w, c in OSCILLATORS if c == 0.0 or takes_friction(name)],
@@ -280,6 +283,7 @@ def test_python_refuses_what_cannot_hold_unless_it_is_forced():
 IMPLICIT = ["bdf2", "energy_momentum", "imex_midpoint", "implicit_euler", "implicit_midpoint", "newmark"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_implicit_methods_have_no_limit(name):
     method = component.build("integrators", name, {"dt": 0.5})

@@ -63,7 +63,7 @@ def test_scenes_notice_two_planted_errors_of_the_day(request):
         assert code == 4 and failed, f"{effect} of {scene} is off by one per cent, and no expectation fails"
 
 
-@pytest.mark.thorough
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("scene, effect, settings", PLANTS, ids=[f"{scene}-{effect}" for scene, effect, _ in PLANTS])
 def test_quick_scenes_notice_every_planted_error(scene, effect, settings):
     code, failed = plant_errors.run(ROOT / "scenes" / f"{scene}.yaml", settings, ["--backend", "cpu"])

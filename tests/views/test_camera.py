@@ -14,6 +14,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.controls import Controls
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])
 @pytest.mark.parametrize("scale", [1.0, 1.5e11, 1e-9])
@@ -29,6 +30,7 @@ def test_framing_shows_every_particle(projection: str, aspect: float, scale: flo
     assert max(((np.abs(up) + frame.radius) / half).max(), ((np.abs(right) + frame.radius) / (half * aspect)).max()) > 0.5
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])
 @pytest.mark.parametrize("scale", [1.0, 1.5e11])
@@ -61,6 +63,7 @@ def test_few_of_many_particles_that_fly_far_away_do_not_make_the_others_small() 
     assert heights[1] == pytest.approx(heights[0], rel=0.3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("flat_axis", "dimensions", "backward", "up"),
     [

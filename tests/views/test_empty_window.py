@@ -68,6 +68,7 @@ def test_a_window_that_is_closed_without_a_scene_is_no_fault(tmp_path, monkeypat
     assert captured.err.count("missing key 'particles'") == 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -116,6 +116,7 @@ def test_a_scene_holds_a_camera_that_has_flown(orthographic):
     assert again.orthographic is orthographic and abs(again.visible_height - made.visible_height) < 1e-4
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("orthographic", [False, True])
 @pytest.mark.parametrize("particle", [False, True])
 def test_the_camera_turns_to_a_point(orthographic, particle):

@@ -125,6 +125,7 @@ def test_a_window_has_the_pixels_of_the_film() -> None:
     assert bright.sum() > 100 and (layer[bright] > 120).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("units", "height", "text"),
     [

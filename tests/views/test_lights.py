@@ -115,6 +115,7 @@ def test_lights_are_one_or_a_list_and_a_body_is_a_light_by_a_word_or_a_mapping(t
     assert _loaded(tmp_path, "bodies: {sun: {light: false}}").bodies[0, 1].light is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("view", "fault"),
     [

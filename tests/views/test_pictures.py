@@ -73,6 +73,7 @@ def test_moons_are_drawn_farther_out_and_larger_and_nothing_else_moves() -> None
     assert Appearance(ViewSpec()).dress(frame) is frame
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("view", "fault"),
     [
@@ -120,6 +121,7 @@ def test_color_tables_are_the_published_ones() -> None:
         assert np.abs(colors_of(share, ours) - colormaps[theirs](share)[:, :3]).max() < 0.02
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("asked", "label"),
     [
@@ -218,6 +220,7 @@ def test_a_torn_picture_is_refused_in_a_line(tmp_path) -> None:
         textures.read_picture(str(path))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["banded", "continents", "coasts", "cratered", "checker"])
 def test_patterns_repeat_and_have_no_seam(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patterns, "ROWS", 96)

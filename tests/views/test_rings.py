@@ -186,6 +186,7 @@ def test_no_part_of_a_ring_is_missed_by_the_tiles(cpu, monkeypatch: pytest.Monke
 SCENE = SCENE_WITH_VIEW.replace("VIEW", "bodies: {moon: {ring: RING}}")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("ring", "fault"),
     [

@@ -51,6 +51,7 @@ def test_a_held_key_moves_to_an_end_and_a_released_key_moves_back():
     assert without.keys == () and without.moves({"b"}) == {}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("keys", "fault"),
     [

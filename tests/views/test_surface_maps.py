@@ -250,6 +250,7 @@ def test_highlights_are_hidden_by_clouds_and_shadows_and_oceans_lie_between_the_
 # Scenes
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("view", "fault"),
     [

@@ -32,6 +32,7 @@ def circle(turn, frames):
     return [moving(angle, [math.cos(angle), math.sin(angle), 0], [-math.sin(angle), math.cos(angle), 0]) for angle in angles]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("turn", [1 / 120, 1 / 40, 1 / 12, 1 / 6])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 def test_a_trail_of_a_circle_is_as_near_as_asked_and_has_few_pieces(turn, tolerance) -> None:
@@ -106,6 +107,7 @@ def bouncing(span, restitution, speed=1.0, across=0.3, frames=200):
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("span", [0.05, 0.21, 0.5, 0.93])
 @pytest.mark.parametrize(("restitution", "across"), [(1.0, 0.0), (1.0, 0.3), (1.0, 20.0), (0.9, 0.3)])
 def test_the_trail_of_a_bouncing_ball_stays_in_its_box(span, restitution, across) -> None:

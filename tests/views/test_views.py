@@ -38,6 +38,7 @@ def silhouette(picture: np.ndarray) -> tuple[float, float, float, float]:
 FOCAL = SIZE[1] / 2 / math.tan(math.radians(22.5))  # pixels, 45° high
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("place", [(0, 0, 0), (3, 1, 0), (-2, -1, 3), (3, 0, -50)])
 def test_sphere_is_drawn_where_and_as_large_as_it_is(cpu, place: tuple) -> None:
     depth, radius = 10.0 - place[2], 1.0
@@ -338,6 +339,7 @@ def ggui_works(cpu):
         pytest.skip(problem)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("camera", [FRONT, PARALLEL], ids=["perspective", "parallel"])
 @pytest.mark.parametrize("size", [SIZE, (200, 200), (150, 240)])
 def test_ggui_draws_the_same_shapes(ggui_works, camera: CameraSpec, size: tuple[int, int]) -> None:
@@ -377,6 +379,7 @@ def pinhole(camera: CameraSpec, place: np.ndarray, size: tuple[int, int]) -> np.
     return np.array(size) / 2 + focal * across / (way @ ahead)[:, None]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_every_particle_is_at_its_pixel_in_both_renderers(ggui_works, camera: CameraSpec) -> None:
     size, reach = (640, 360), 11

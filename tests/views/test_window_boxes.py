@@ -15,6 +15,7 @@ from mpp_taichi.views.window_film import WindowFilm, no_film
 from mpp_taichi.views.window_layout import ROOMY, Area, Layout
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("size", [(1280, 720), (1366, 768), ROOMY, (640, 360)])
 def test_boxes_lie_beside_the_picture_where_there_is_room(size):
     covered = np.zeros(size[::-1], int)
@@ -28,6 +29,7 @@ def test_boxes_lie_beside_the_picture_where_there_is_room(size):
     assert without.picture.width == size[0] and without.column is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("size", [(1, 1), (2, 50), (16, 16), (24, 40), (300, 20), (959, 2000), (1280, 720)])
 def test_a_window_of_any_size_has_boxes(size):
     knob = Knob("k", "k", 0.0, 1.0, False, lambda: 0.5)

@@ -93,6 +93,7 @@ def test_a_window_without_a_choice_has_no_box():
     assert not shown.shown and shown.told() == "" and shown.take() is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "refused"),
     [

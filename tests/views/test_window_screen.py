@@ -71,6 +71,7 @@ def small(display):
     server.wait()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("screen", [(1280, 800), (1366, 768), (1920, 1080), (1024, 600)])
 @pytest.mark.parametrize("size", [(1280, 720), (640, 360)])
 def test_a_window_is_on_the_screen_with_its_title(screen, size):

@@ -90,6 +90,7 @@ def test_fresh_neither_reads_nor_writes(file, monkeypatch, by_variable):
     assert file.read_text(encoding="utf-8") == "look: plain\n"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
