@@ -40,7 +40,7 @@ class User:
         done = subprocess.run(words, cwd=self.folder, env=self.variables | more, capture_output=True, text=True, timeout=900)
         said = done.stdout + done.stderr
         assert done.returncode == code, f"{' '.join(words)}: exit code {done.returncode} and not {code}\n{said[-2000:]}"
-        assert "Traceback" not in said and "internal error" not in said, f"{' '.join(words)}:\n{said[-2000:]}"
+        assert "Traceback" not in said and "internal error:" not in said, f"{' '.join(words)}:\n{said[-2000:]}"
         return done.stdout, done.stderr
 
     def saves(self, name, text):
