@@ -35,14 +35,18 @@ class Orbit:
     period: float
 
 
-def attraction_between(strength: float, snapshot: Snapshot, first: np.ndarray, second: np.ndarray) -> float:
-    """μ = G (m₁ s₂ + m₂ s₁) of the relative motion of two groups of particles, given by their indices [length³ / time²].
+def attraction(strength: float, first: tuple[float, float], second: tuple[float, float]) -> float:
+    """μ = G (m₁ s₂ + m₂ s₁) of a relative motion, from the mass m and the movable share s of both [length³ / time²].
 
-    The m are the masses of the groups and the s the shares of them that can move: 1 for free particles, so that μ is
-    G (m₁ + m₂), and 0 for particles that are held along every axis, which attract and are not accelerated themselves.
+    s is 1 for what is free, so that μ is G (m₁ + m₂), and 0 for what is held along every axis, which attracts and is not
+    accelerated itself.
     """
-    masses, shares = zip(*((float(snapshot.mass[group].sum()), _movable(snapshot, group)) for group in (first, second)))
-    return strength * (masses[0] * shares[1] + masses[1] * shares[0])
+    return strength * (first[0] * second[1] + second[0] * first[1])
+
+
+def attraction_between(strength: float, snapshot: Snapshot, first: np.ndarray, second: np.ndarray) -> float:
+    """μ of two groups of particles, given by their indices; the share of a group that can move is a share of its mass."""
+    return attraction(strength, *((float(snapshot.mass[group].sum()), _movable(snapshot, group)) for group in (first, second)))
 
 
 def _movable(snapshot: Snapshot, group: np.ndarray) -> float:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.arithmetic.orbital_elements import attraction
 from mpp_taichi.component import Axes, Color, Particle, Vector, component, marked, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
@@ -109,15 +110,15 @@ class Body(Generator):
         if self.true_anomaly is not None and self.mean_anomaly is not None:
             raise PlacementError("has a true_anomaly and a mean_anomaly, leave one of them out")
         primary = context.find(self.around)
-        attraction = context.strength * (primary.mass + (0.0 if primary.held else self.mass))
-        if not attraction > 0.0:
+        mu = attraction(context.strength, (primary.mass, not primary.held), (self.mass, True))
+        if not mu > 0.0:
             forces = ", ".join(marked("forces", "gravitates"))
             raise PlacementError(f"an orbit needs {forces}, and a mass that attracts")
         anomaly = self.true_anomaly or 0.0
         if self.mean_anomaly is not None and self.eccentricity != 1.0:
             anomaly = true_anomaly_at(self.mean_anomaly, self.eccentricity)
         x, v = on_orbit(
-            attraction,
+            mu,
             self.semi_major_axis,
             self.eccentricity,
             self.inclination,
