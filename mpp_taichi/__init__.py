@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.resume import resume
     from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.snapshot import Snapshot
+    from mpp_taichi.sweep.results import SweepResults, open_sweep
 
 __all__ = [
     "AccuracyWarning",
@@ -45,8 +46,10 @@ __all__ = [
     "Simulation",
     "Snapshot",
     "StabilityError",
+    "SweepResults",
     "__version__",
     "load_scene",
+    "open_sweep",
     "resume",
     "run",
     "settle",
@@ -57,7 +60,9 @@ _LAZY = {
     "SceneSpec": "mpp_taichi.scene.spec",
     "Simulation": "mpp_taichi.simulation.simulation",
     "Snapshot": "mpp_taichi.snapshot",
+    "SweepResults": "mpp_taichi.sweep.results",
     "load_scene": "mpp_taichi.scene.load",
+    "open_sweep": "mpp_taichi.sweep.results",
     "resume": "mpp_taichi.simulation.resume",
     "run": "mpp_taichi.report.result",
     "settle": "mpp_taichi.accuracy.choice",

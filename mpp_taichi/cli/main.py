@@ -29,6 +29,7 @@ from mpp_taichi.cli import (
     run,
     scenes,
     schema,
+    sweep,
     verify,
 )
 from mpp_taichi.cli._exhausted import exhausted
@@ -57,6 +58,7 @@ VERBS: dict[str, ModuleType] = {
     "new": new,
     "accuracy": accuracy,
     "compare": compare,
+    "sweep": sweep,
     "explain": explain,
     "check": check,
     "convert": convert,
@@ -66,7 +68,6 @@ VERBS: dict[str, ModuleType] = {
     "info": info,
     "schema": schema,
 }
-LATER_VERBS = ("sweep",)
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 EPILOG = __doc__.partition("\n\n")[2]
@@ -174,8 +175,6 @@ def _with_verb(words: list[str]) -> list[str]:
     if not words or words[0] in VERBS or words[0] in ("-h", "--help", "--version"):
         return words
     first = words[0]
-    if first in LATER_VERBS:
-        raise UsageError(f"{first} is a verb of a later version; this one has {', '.join(VERBS)}")
     is_scene = "." in first or os.sep in first or first in bundled_scenes() or os.path.exists(first)
     if not first.startswith("-") and not is_scene:
         hint = suggestion(first, [*VERBS, *bundled_scenes()])

@@ -8,7 +8,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import wide_number
 from mpp_taichi.arithmetic.particle_update import wide_velocity
-from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, total
+from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, sums, total
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.state import State
@@ -20,7 +20,7 @@ HISTORY_ENTRIES = 2**18  # 6 MiB of them
 
 @ti.data_oriented
 class EnergyMeter:
-    """Potential energy of the first replica, one term per particle."""
+    """Potential energy, one term per particle: of the first replica, or of each."""
 
     def __init__(self, state: State, total_force: TotalForce):
         """Bind the parts."""
@@ -31,6 +31,22 @@ class EnergyMeter:
     def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
         for i in range(self.state.particle_count):
             terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
+
+    @ti.kernel
+    def _measure_replicas(self, time: float, terms: ti.types.ndarray(ndim=1)):
+        for i in range(self.state.total_count):
+            first = i // self.state.particle_count * self.state.particle_count
+            terms[i] = self.total_force.potential_energy_of(self.state, first, i, time)
+
+    def potential_energies(self, time: float) -> np.ndarray:
+        """Potential energy of each replica, (replica_count,)."""
+        state = self.state
+        if not self.total_force.forces:
+            return np.zeros(state.replica_count)
+        terms = np.empty(state.total_count, np.float32 if state.wide == ti.f32 else np.float64)
+        self._measure_replicas(time, terms)
+        rows = terms.astype(np.float64).reshape(state.replica_count, state.particle_count)
+        return sums(rows)
 
     def potential_energy(self, time: float) -> float:
         """Potential energy of all forces that have a potential."""

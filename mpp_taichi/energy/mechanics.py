@@ -1,6 +1,7 @@
 """Mechanics of particles on the host: sums over particles, in float64 and in a fixed order."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,26 @@ def kinetic_energies(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
     """½ m v² of each particle, (n,)."""
     velocity = snapshot.velocity[rows]
     return 0.5 * (snapshot.mass[rows] * np.einsum("ij,ij->i", velocity, velocity))
+
+
+def kinetic_of_copies(snapshot: Any, rows: slice = ALL) -> np.ndarray:
+    """½ Σ m v² of each of several copies of a system, (copies,): velocities (copies, n, 3), masses (copies, n)."""
+    x, y, z = np.moveaxis(snapshot.velocity[:, rows], 2, 0)
+    return sums(0.5 * (snapshot.mass[:, rows] * (x * x + y * y + z * z)))
+
+
+def sums(terms: np.ndarray) -> np.ndarray:
+    """The sums over the second axis, (copies, n) → (copies,), added in order and with what rounding takes away (Neumaier).
+
+    The bits of a sum do not depend on the number of copies. Source: Neumaier, Z. Angew. Math. Mech. 54 (1974) 39.
+    """
+    result, lost = np.zeros(len(terms)), np.zeros(len(terms))
+    for term in terms.T:
+        added = result + term
+        larger = np.abs(result) >= np.abs(term)
+        lost += np.where(larger, (result - added) + term, (term - added) + result)
+        result = added
+    return result + lost
 
 
 def momentum(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:

@@ -93,6 +93,12 @@ class Adaptive(Integrator):
         """Numbers of the replicas whose step has become too short for their time."""
         return np.flatnonzero(self.counts(state)[:, self.STALLED])
 
+    standing_reason = "the step became too short to change the time"
+
+    def standing_replicas(self, state: Any) -> np.ndarray:
+        """The replicas that have stalled."""
+        return self.stalled_replicas(state)
+
     def trouble(self, state: Any, bad: int) -> Trouble | None:
         """A replica whose step has become too short, and its particle with the largest acceleration."""
         stalled = self.stalled_replicas(state)

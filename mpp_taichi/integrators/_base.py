@@ -149,6 +149,12 @@ class Integrator:
     def adopt(self, state: Any, dt: float) -> None:
         """Take positions and velocities that were set from outside, for steps of `dt`; to do so twice changes nothing more."""
 
+    standing_reason = ""  # why replicas stand still
+
+    def standing_replicas(self, state: Any) -> np.ndarray:
+        """Numbers of the replicas that the method cannot move on."""
+        return np.zeros(0, np.int64)
+
     def trouble(self, state: Any, bad: int) -> Trouble | None:
         """Why the run cannot go on, or None; `bad` is the first particle that is not finite, or −1. Asked after `collect`."""
         return not_finite(bad)

@@ -120,6 +120,12 @@ class Implicit(Integrator):
         self._collected = self.newton.collect(state)
         return self._collected
 
+    standing_reason = "the equations of a step were not solved"
+
+    def standing_replicas(self, state: Any) -> np.ndarray:
+        """The replicas that have stood still since one of their steps was not solved."""
+        return np.flatnonzero(state.unsolved.to_numpy())
+
     def trouble(self, state: Any, bad: int) -> Trouble | None:
         """A step that the last `collect` counted as unsolved, of the particle whose last update was the largest."""
         if not self._collected.unsolved:

@@ -84,6 +84,22 @@ class Setting:
         return unit_of(self.spec.units, dimension)
 
 
+class ManySample(Protocol):
+    """Several copies of one system at the same time, as arrays with an entry for each copy."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time."""
+
+    @property
+    def snapshot(self) -> Any:
+        """Particles with position and velocity (copies, particle_count, 3) and mass (copies, particle_count)."""
+
+    @property
+    def potential_energy(self) -> np.ndarray:
+        """The sum over all forces that have a potential, (copies,)."""
+
+
 class Quantity(ABC):
     """A number that a sample of a run has; `dimension` holds its powers of length, time and mass."""
 
@@ -92,6 +108,8 @@ class Quantity(ABC):
     """Whether the number depends on the samples before, so that every sample must be measured."""
     has_rate = False
     """Whether `rate` is known."""
+    takes_many = False
+    """Whether `measure_many` is known, and so are `rate_many` and `sampling_interval_many` where there is a rate."""
     if TYPE_CHECKING:
 
         def __init__(self, **parameters: Any) -> None:
@@ -125,6 +143,18 @@ class Quantity(ABC):
 
     def sampling_interval(self, sample: RunSample) -> float | None:
         """Longest time until the next sample in which the number changes little; None where its rates tell."""
+        return None
+
+    def measure_many(self, many: ManySample) -> np.ndarray:
+        """The number of each of several copies of a system, (copies,); NaN where a copy has none."""
+        raise NotImplementedError(f"{type(self).__name__} measures one copy at a time")
+
+    def rate_many(self, many: ManySample) -> np.ndarray:
+        """The change of each of these numbers per time, (copies,)."""
+        raise NotImplementedError(f"{type(self).__name__} knows no rate")
+
+    def sampling_interval_many(self, many: ManySample) -> np.ndarray | None:
+        """`sampling_interval` of each copy, (copies,); None where its rates tell."""
         return None
 
 

@@ -30,9 +30,13 @@ def require_present(snapshot: Snapshot, of: int) -> None:
 def center_of(values: np.ndarray, snapshot: Snapshot, of: Particles | None) -> np.ndarray:
     """Mean by mass of (particle_count, 3) vectors over a group, or over all particles; of one particle its own vector.
 
+    Of several copies of a system, (copies, particle_count, 3), the means (copies, 3).
+
     Raises:
         NoResultError: every particle of the group has merged into another.
     """
+    if values.ndim == 3:
+        return _centers(values, snapshot, of)
     if of is not None and of[1] == 1:
         require_present(snapshot, of[0])
         return values[of[0]]
@@ -44,6 +48,26 @@ def center_of(values: np.ndarray, snapshot: Snapshot, of: Particles | None) -> n
     return mean_by_mass(values[chosen], snapshot.mass[chosen])
 
 
+def _centers(values: np.ndarray, snapshot: Snapshot, of: Particles | None) -> np.ndarray:
+    """Means by mass of several copies of a system, none of which has merged particles: (copies, 3)."""
+    if of is not None and of[1] == 1:
+        return values[:, of[0]]
+    mass, chosen = snapshot.mass[:, rows(of), None], values[:, rows(of)]
+    whole = mass.sum(axis=1)
+    return np.where(whole != 0.0, (mass * chosen).sum(axis=1) / np.where(whole != 0.0, whole, 1.0), chosen.mean(axis=1))
+
+
 def component_of(vector: np.ndarray, axis: str | None) -> float:
     """One component of a vector; without an axis, its length."""
     return float(np.linalg.norm(vector)) if axis is None else float(vector[AXES.index(axis)])
+
+
+def components_of(vectors: np.ndarray, axis: str | None) -> np.ndarray:
+    """One component of each vector, (n, 3) → (n,); without an axis, its length."""
+    return lengths(vectors) if axis is None else vectors[:, AXES.index(axis)]
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """√(x² + y² + z²) of each vector, (n, 3) → (n,), by operations whose bits do not depend on n."""
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z))

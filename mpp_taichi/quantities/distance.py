@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Pair, Particles, Vector, component, param
-from mpp_taichi.quantities._base import NoResultError, OfEach, RunSample, Setting, of_which
-from mpp_taichi.quantities._particles import center_of, rows
+from mpp_taichi.quantities._base import ManySample, NoResultError, OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import center_of, lengths, rows
 
 LARGEST_TURN = 0.1  # of the distance: farther the two ends may not move between two samples
 
@@ -23,7 +23,7 @@ class Distance(OfEach):
     point: Vector = param(None, optional=True, unit="length", help="the other end of the distance: a point")
     between: Pair = param(None, optional=True, help="two particles, in place of `of` and `to`")
     dimension = (1, 0, 0)
-    has_rate = True
+    has_rate = takes_many = True
 
     def begin(self, setting: Setting) -> None:
         """Check that there is one place to measure from."""
@@ -55,6 +55,21 @@ class Distance(OfEach):
         speed = float(np.linalg.norm(self._motion(sample)))
         return LARGEST_TURN * self.measure(sample) / speed if speed > 0.0 else np.inf
 
+    def measure_many(self, many: ManySample) -> np.ndarray:
+        """The distance in each copy."""
+        return lengths(self._separation(many))
+
+    def rate_many(self, many: ManySample) -> np.ndarray:
+        """The rate in each copy."""
+        separation, motion = self._separation(many), self._motion(many)
+        distance, along = lengths(separation), (separation * motion).T
+        return np.where(distance > 0.0, (along[0] + along[1] + along[2]) / np.where(distance > 0.0, distance, 1.0), 0.0)
+
+    def sampling_interval_many(self, many: ManySample) -> np.ndarray:
+        """The interval of each copy."""
+        speed = lengths(self._motion(many))
+        return np.where(speed > 0.0, LARGEST_TURN * self.measure_many(many) / np.where(speed > 0.0, speed, 1.0), np.inf)
+
     def each(self, sample: RunSample) -> np.ndarray:
         """The distances of all particles of the group."""
         return np.linalg.norm(sample.snapshot.position[rows(self._of)] - self._end(sample), axis=1)
@@ -67,14 +82,14 @@ class Distance(OfEach):
     def _to(self) -> tuple[int, int] | None:
         return self.to if self.between is None else (self.between[1], 1)
 
-    def _separation(self, sample: RunSample) -> np.ndarray:
+    def _separation(self, sample: RunSample | ManySample) -> np.ndarray:
         return self._end(sample) - center_of(sample.snapshot.position, sample.snapshot, self._of)
 
-    def _end(self, sample: RunSample) -> np.ndarray:
+    def _end(self, sample: RunSample | ManySample) -> np.ndarray:
         snapshot = sample.snapshot
         return np.array(self.point) if self.point is not None else center_of(snapshot.position, snapshot, self._to)
 
-    def _motion(self, sample: RunSample) -> np.ndarray:
+    def _motion(self, sample: RunSample | ManySample) -> np.ndarray:
         snapshot = sample.snapshot
         end = np.zeros(3) if self.point is not None else center_of(snapshot.velocity, snapshot, self._to)
         return end - center_of(snapshot.velocity, snapshot, self._of)

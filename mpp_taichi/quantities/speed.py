@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.quantities._base import OfEach, RunSample, Setting, of_which
-from mpp_taichi.quantities._particles import center_of, component_of, free_rows
+from mpp_taichi.quantities._base import ManySample, OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import center_of, component_of, free_rows, lengths
 
 
 @component
@@ -16,6 +16,7 @@ class Speed(OfEach):
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
     dimension = (1, -1, 0)
+    takes_many = True
 
     def label(self, setting: Setting) -> str:
         """`speed of planet`."""
@@ -24,6 +25,10 @@ class Speed(OfEach):
     def measure(self, sample: RunSample) -> float:
         """The speed."""
         return component_of(center_of(sample.snapshot.velocity, sample.snapshot, self.of), None)
+
+    def measure_many(self, many: ManySample) -> np.ndarray:
+        """The speed in each copy."""
+        return lengths(center_of(many.snapshot.velocity, many.snapshot, self.of))
 
     def each(self, sample: RunSample) -> np.ndarray:
         """The speeds of all free particles of the group."""

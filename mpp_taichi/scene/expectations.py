@@ -95,14 +95,14 @@ def build(validated: Any, node: Node | None, faults: Faults) -> tuple[Expectatio
             place = node.value[quantity]
             if isinstance(place.value, list):
                 place = place.value[number]
-            for key, message in _conflicts(quantity, values):
+            for key, message in conflicts(quantity, values):
                 key_node = place.get(key)
                 faults.add((place if key_node is None else key_node).place, f"expect.{quantity}.{key}", message)
             found.append(Expectation(quantity, values, location=place.place, **bounds))
     return tuple(sorted(found, key=lambda expectation: (expectation.location.line, expectation.location.column)))
 
 
-def _conflicts(quantity: str, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def conflicts(quantity: str, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Keys of the reduction that cannot stand together, and why."""
     if kind_of(quantity) != "quantities":
         return

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -95,11 +96,11 @@ class Expression:
     @property
     def names(self) -> frozenset[str]:
         """The names that must be given, built-in constants left out."""
-        return frozenset(self._name_offsets())
+        return frozenset(self._name_offsets)
 
     def check_names(self, known: Collection[str]) -> None:
         """Refuse the first name that is not known, at its column."""
-        for name, offset in self._name_offsets().items():
+        for name, offset in self._name_offsets.items():
             if name not in known:
                 raise ExpressionError(f"unknown name {shown(name)}{_known_names(name, known)}", offset)
 
@@ -114,6 +115,7 @@ class Expression:
         with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
             return _Evaluation(self.text, values, on_arrays=True).of(self.tree)
 
+    @cached_property
     def _name_offsets(self) -> dict[str, int]:
         found: dict[str, int] = {}
         called = {id(node.func) for node in ast.walk(self.tree) if isinstance(node, ast.Call)}
@@ -124,6 +126,7 @@ class Expression:
         return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
+@lru_cache(maxsize=4096)  # the members of a sweep have the same expressions
 def parse(text: str) -> Expression:
     """Read an expression; ExpressionError says which part is not allowed and where it is."""
     if len(text) > LENGTH_ALLOWED:

@@ -22,6 +22,7 @@ from mpp_taichi.scene import (
     right_half,
     sliders,
     spring_types,
+    sweep_model,
     table_columns,
     timeline,
 )
@@ -197,6 +198,7 @@ def _specification(
         accuracy=validated.accuracy,
         resolved=resolved,
     )
+    spec = replace(spec, sweep=sweep_model.build(validated.sweep, tree.get("sweep"), spec.expect, faults))
     return sliders.with_sliders(spec, validated, tree, faults)
 
 

@@ -21,6 +21,8 @@ from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Ranged, T
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RunSpec, SpringTypeSpec, ViewSpec
+from mpp_taichi.scene.sweep_model import named as named_in_sweep
+from mpp_taichi.scene.sweep_model import sweep_model
 from mpp_taichi.scene.target import Target
 
 # Keys of a scene that hold components, and the kind of these components.
@@ -97,6 +99,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "walls", "integrators")
     )
     contacts: Any = contacts_model(chosen["contacts"])
+    sweep: Any = sweep_model(chosen["diagnostics"], chosen["quantities"], _BOUND_FIELDS)
     quantity = inspection.quantity_of(_entries("quantities", chosen["quantities"]), chosen["quantities"])
     panel = inspection.panel_model(quantity, _one_or_more(quantity))
     record = table_columns.record_model(_list_of(quantity))
@@ -155,6 +158,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         sliders=(_list_of(slider_model()), Describe([], description="parameters to be moved while the scene runs")),
         modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
         expect=(expect | None, Describe(None, description="results of the physics that the run must have")),
+        sweep=(sweep | None, Describe(None, description="copies of the scene with other values, for the verb sweep")),
     )
 
 
@@ -175,14 +179,17 @@ def _is_listed(kind: str, name: str) -> bool:
 def select(scene: Mapping[str, Any]) -> Selection:
     """The existing components that a scene, as plain data, names."""
     found = []
+    in_sweep = named_in_sweep(scene)
     for key, kind in KIND_OF_KEY.items():
         entries = scene.get(key)
         entries = [entries] if isinstance(entries, dict) else entries if isinstance(entries, list) else []
         named = {name for entry in entries if isinstance(entry, dict) for name in entry}
+        named |= in_sweep if kind == "diagnostics" else set()
         found.append((kind, tuple(name for name in sorted(named) if _exists(kind, name))))
     solver = contact_solver(scene)
     expected = scene.get("expect")
-    words = inspection.named(scene) | table_columns.named(scene) | set(expected if isinstance(expected, dict) else ())
+    expected_words = set(expected if isinstance(expected, dict) else ())
+    words = inspection.named(scene) | table_columns.named(scene) | expected_words | in_sweep
     quantities = tuple(name for name in sorted(words, key=str) if _exists("quantities", name))
     return (*found, ("contacts", (solver,) if solver is not None else ()), ("quantities", quantities))
 

@@ -1,13 +1,14 @@
 """Overrides: `--set path=value` and the `overrides=` of Python, put into a scene's tree before it is checked.
 
 A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists, or with the name of the
-component where only one entry has this component, `forces.linear_drag.coefficient`. An override sets a key that the scene
+component where only one entry has this component, `forces.linear_drag.coefficient`, or with the `name:` of an entry,
+`particles.planet.mass`. An override sets a key that the scene
 has or may have at that place; `+path=value` adds any key. Values are read as in a scene file. A path through a repeat,
 `particles.repeat.count`, changes its text; every other path counts entries after the repeats are written out.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mpp_taichi.errors import SceneError
@@ -131,6 +132,9 @@ def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: 
     if len(named := [i for i, entry in enumerate(entries) if entry.get(text) is not None]) == 1:
         step, rest = named[0], (text, *rest)
         text = str(step)
+    elif not named and rest and len(called := list(_called(text, entries))) == 1:
+        step, rest = called[0][0], (called[0][1], *rest)
+        text = str(step)
     index = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1
     if index == len(entries) and adding:
         return [*entries, _put(Node(None, new.location), rest, new, adding, (*walked, index))]
@@ -139,6 +143,16 @@ def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: 
         raise SceneError(f"{new.location}: {key_text(walked)} {what} {shown(text)}{_instead(text, entries)}")
     changed = _put(entries[index], rest, new, adding, (*walked, index))
     return [*entries[:index], changed, *entries[index + 1 :]]
+
+
+def _called(name: str, entries: list[Node]) -> Iterator[tuple[int, str]]:
+    """Number and component of each entry whose `name:` this is."""
+    for number, entry in enumerate(entries):
+        if entry.row is None and isinstance(entry.value, dict) and len(entry.value) == 1:
+            ((component, body),) = entry.value.items()
+            given = body.get("name")
+            if given is not None and given.value == name:
+                yield number, component
 
 
 def _instead(word: str, entries: list[Node]) -> str:

@@ -12,7 +12,7 @@ from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout, singles
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
-from mpp_taichi.scene.spec import ComponentSpec, PairSpec, PanelSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, Expectation, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
 
 _NAMING = ("Particle", "Particles", "Pair", "ModeNumbers")  # types of parameters that name particles or a lattice
@@ -46,6 +46,9 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         replace(each, parameters=finder.parameters(each.parameters, _measured(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
     )
+    if spec.sweep is not None:
+        found = {key: finder.measured(getattr(spec.sweep, key), key) for key in ("measure", "stop")}
+        changed["sweep"] = replace(spec.sweep, **found)
     if spec.record.table is not None:
         table, path = spec.record.table, ("record", "table", "columns")
         columns = (finder.entry(each, "quantities", (*path, number, each.name)) for number, each in enumerate(table.columns))
@@ -85,6 +88,14 @@ class _Finder:
         if all(entry.parameters[key] is None for key in naming):
             return entry
         return replace(entry, parameters=self.parameters(entry.parameters, declaration(kind, entry.name), path))
+
+    def measured(self, entries: tuple[Expectation, ...], key: str) -> tuple[Expectation, ...]:
+        """The measures of a sweep with indices for the particles that they name."""
+        path = ("sweep", key)
+        return tuple(
+            replace(each, parameters=self.parameters(each.parameters, _measured(each.quantity), (*path, number, each.quantity)))
+            for number, each in enumerate(entries)
+        )
 
     def parameters(self, given: dict[str, Any], declared: Declaration | None, path: tuple[Any, ...]) -> dict[str, Any]:
         found = dict(given)

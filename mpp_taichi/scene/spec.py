@@ -267,6 +267,7 @@ class SceneSpec:
     sliders: tuple[SliderSpec, ...] = ()
     horizon: bool | None = None  # None: only where `accuracy` chooses the method
     accuracy: TargetSpec | None = None  # until a method is chosen, the integrator is the first candidate
+    sweep: Any = None  # SweepSpec, of a scene with `sweep:`
     leaves_interval_open: bool = False  # the time between samples is not the scene's own, see `load_scene`
 
     @property

@@ -206,6 +206,8 @@ class CompiledPhase:
         """Put all particles where a snapshot has them, or each replica where its own start has them, for steps of `dt`."""
         if self.state.merges and not self.replica_starts:
             self.state.write_spheres(start)
+        if self.replica_starts:
+            self.state.write_properties(self.replica_starts)
         self.state.write_snapshots(
             [replace(each, velocity=each.velocity * each.free) for each in self.replica_starts or (start,)]
         )

@@ -65,6 +65,11 @@ class PhaseRunner:
         self.phase.place(start, self.clock.dt)
         self.accounts.restart()
 
+    def place_replicas(self, starts: tuple[Snapshot, ...]) -> None:
+        """Go back to the start of the course, each replica to a start of its own."""
+        self.phase.replica_starts = starts
+        self.restart()
+
     def restart_as_written(self) -> None:
         """Go back to the start and forget all changes of parameters; only the sliders keep their positions."""
         present = self._slider_values()

@@ -208,6 +208,12 @@ class Simulation:
         self.judge.restart()
 
     @in_turn
+    def place_replicas(self, starts: Sequence[Snapshot]) -> None:
+        """Go back to the time of the start, each replica to a start of its own: as many as there are replicas."""
+        self._runner.place_replicas(tuple(starts))
+        self.judge.restart()
+
+    @in_turn
     def mark(self, *, whole: bool = True) -> Mark:
         """The state and its time, for `return_to`; valid within the phase. Not `whole`: see `CompiledPhase.save`."""
         return self._runner.mark(whole=whole)

@@ -96,15 +96,16 @@ def frame_of_center(
 ) -> tuple[MovingFrame, np.ndarray, np.ndarray]:
     """The frame of the centre of mass of each replica, and positions and velocities in it.
 
-    Positions [length] and velocities [length / time] are (replica_count, particle_count, dimensions), masses (particle_count,).
-    They are in the frame of the scene, or in a frame that is `known`.
+    Positions [length] and velocities [length / time] are (replica_count, particle_count, dimensions), masses (particle_count,),
+    or (replica_count, particle_count). They are in the frame of the scene, or in a frame that is `known`.
     """
-    origin = np.stack([center(values, mass) for values in position])
-    drift = np.stack([center(values, mass) for values in velocity])
+    masses = np.broadcast_to(mass, position.shape[:2])
+    origin = np.stack([center(*each) for each in zip(position, masses, strict=True)])
+    drift = np.stack([center(*each) for each in zip(velocity, masses, strict=True)])
     moved = position - origin[:, None], velocity - drift[:, None]
     if known is not None:
         origin, drift = known.place + origin, known.drift + drift
-    return _started(origin, drift, moved[1][0], mass), *moved
+    return _started(origin, drift, moved[1][0], masses[0]), *moved
 
 
 def frame_of_snapshots(starts: Sequence[Snapshot], dimensions: int) -> tuple[MovingFrame, np.ndarray, np.ndarray] | None:

@@ -256,6 +256,13 @@ class State:
             self.frame, *moved = known
             self._write_vectors(*(values.reshape(self.total_count, -1) for values in moved))
 
+    def write_properties(self, starts: Sequence[Snapshot]) -> None:
+        """Set the masses and charges of each replica from a snapshot of its own."""
+        names = [name for name in ("mass", "charge") if name in self.quantities]
+        columns = {name: np.concatenate([getattr(each, name) for each in starts]) for name in names}
+        self._write({part: values for name in names for part, values in self._parts(name, columns[name]).items()})
+        self._mass = np.stack([each.mass for each in starts])
+
     def pass_time(self, steps: int, dt: float) -> None:
         """Let the frame move on for so many steps of the length `dt`, with the particles."""
         if self.frame is not None:
@@ -349,6 +356,17 @@ class State:
         for number, values in enumerate(parts[2:]):
             results[number % 2, :, : self.dimensions] += values[rows]
         return results[0], results[1]
+
+    def read_replicas(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of all replicas in the frame of the scene, (replica_count, particle_count, 3)."""
+        results = np.zeros((2, self.total_count, 3))
+        for number, values in enumerate(self._read(*self._moved)):
+            results[number % 2, :, : self.dimensions] += values
+        position, velocity = results.reshape(2, self.replica_count, self.particle_count, 3)
+        if self.frame is not None:
+            position[:, :, : self.dimensions] += self.frame.place[:, None]
+            velocity[:, :, : self.dimensions] += self.frame.drift[:, None]
+        return position, velocity
 
     def save(self) -> tuple[np.ndarray, ...]:
         """Positions and velocities of all replicas, the fields of `memory` and the numbers of the frame, bit for bit."""

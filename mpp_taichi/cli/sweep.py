@@ -1,0 +1,247 @@
+"""Sweep: many copies of a scene with other numbers, as a table and a picture; called again it does only what is missing.
+
+The scene's block `sweep:`, or --vary and --measure, say which keys vary and which quantities are measured. Members are run side
+by side in chunks, by processes that share them; each chunk is kept in FOLDER/chunks as soon as it is done, coarse to fine.
+Members that break down or are refused are rows with a status: the sweep goes on, and the code is 0. `run FOLDER --member N`
+runs a member by itself.
+"""
+
+import argparse
+import shutil
+import time as clock
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._sweep_options import add_plan, block_of
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
+from mpp_taichi.device.thread_count import processors
+from mpp_taichi.precision import PRECISIONS
+
+if TYPE_CHECKING:
+    from mpp_taichi.sweep.cost import Cost
+    from mpp_taichi.sweep.results import SweepResults
+    from mpp_taichi.sweep.store import Store
+
+MOST_WORKERS = 64
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    add_plan(parser)
+    _options.add_length(parser)
+    group = parser.add_argument_group("where and how")
+    group.add_argument("--backend", default="cpu", choices=("cpu", "cuda", "vulkan", "metal"), help="device that computes")
+    group.add_argument("--precision", choices=PRECISIONS, help="f64 on the CPU and f32 elsewhere when absent")
+    told = "processes that share the chunks; absent: one on each processor, or one on a GPU"
+    group.add_argument("--workers", type=_options.positive_integer, metavar="N", help=told)
+    told = "only the k-th of n parts, for an array of jobs or several computers that share the folder"
+    group.add_argument("--part", type=_part, metavar="k/n", help=told)
+    parser.add_argument("--out", type=_options.output_path, metavar="FOLDER", help="absent: out/SCENE.sweep")
+    parser.add_argument("--chunk", type=_options.positive_integer, metavar="N", help="members of a chunk; absent: some 30 s of work")
+    parser.add_argument("--dry-run", action="store_true", help="print members, chunks, time and memory, and run nothing")
+    parser.add_argument("--fresh", action="store_true", help="remove the folder's chunks, and begin anew")
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Plan, run what is missing, and write table and pictures."""
+    with output_reserved(arguments.json):
+        store, cost = _store(arguments)
+        if arguments.dry_run:
+            return _tell_cost(store, cost, arguments)
+        began = clock.perf_counter()
+        ran = _run(store, arguments)
+        results, files = finish(store, done_by_part=arguments.part is not None)
+    _report(store, results, files, ran, clock.perf_counter() - began, arguments)
+    return 0
+
+
+def _store(arguments: argparse.Namespace) -> "tuple[Store, Cost]":
+    """The sweep that is asked for, as its folder holds it, or a new one."""
+    from mpp_taichi.errors import StateError
+    from mpp_taichi.scene.load import load_resolved
+    from mpp_taichi.start.assemble import assemble
+    from mpp_taichi.sweep.cost import cost_of
+    from mpp_taichi.sweep.plan import Plan
+    from mpp_taichi.sweep.store import SUFFIX, Store, opened
+
+    resolved, source = _resolved(arguments)
+    spec = load_resolved(resolved, source)
+    if spec.sweep is None:
+        raise UsageError(
+            f"sweep: {source} has no block sweep:; --vary PATH=A:B:N says which key varies, --measure QUANTITY what is measured"
+        )
+    if spec.run.duration is None and spec.run.steps is None:
+        raise UsageError(f"sweep: {source} has no run.duration; --until T or --steps N says how long a member runs")
+    check_paths(resolved, source, spec)
+    start = assemble(spec)
+    plan = Plan(spec.sweep)
+    cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
+    precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
+    folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
+    store = Store(folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk)
+    if not arguments.fresh and not arguments.dry_run:
+        try:
+            before = opened(folder)
+        except StateError:
+            before = None
+        if before is not None and before.known == store.known and before.plan.count == store.plan.count and not arguments.chunk:
+            store = Store(folder, resolved, source, store.device, before.chunk)
+    return store, cost
+
+
+def _resolved(arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
+    """The scene as plain data with everything that the command line says, and its file."""
+    from mpp_taichi.scene.load import load_scene
+
+    interval = None if arguments.until is None else arguments.until / 200
+    spec = load_scene(arguments.scene, overrides=arguments.overrides, interval=interval)
+    resolved = dict(spec.resolved)
+    block = block_of(arguments, resolved.get("sweep"))
+    if block is not None:
+        resolved["sweep"] = block
+    if arguments.until is not None:
+        resolved["run"] = {**(resolved.get("run") or {}), "duration": arguments.until}
+        resolved["run"].pop("steps", None)
+    elif arguments.steps is not None:
+        resolved["run"] = {**(resolved.get("run") or {}), "steps": arguments.steps}
+        resolved["run"].pop("duration", None)
+    return resolved, spec.source
+
+
+def check_paths(resolved: dict[str, Any], source: str, spec: Any) -> None:
+    """Refuse a path that the scene does not have, before members are refused one by one.
+
+    Raises:
+        SceneError: no member at an end of the ranges can be made, and why the first of them cannot.
+    """
+    from mpp_taichi.errors import SceneError
+    from mpp_taichi.sweep.member import scene_of
+    from mpp_taichi.sweep.plan import Plan
+
+    plan = Plan(spec.sweep)
+    first: SceneError | None = None
+    for number in dict.fromkeys((0, plan.count // 2, plan.count - 1)):
+        try:
+            scene_of(resolved, source, plan.values([number])[0])
+            return
+        except SceneError as error:
+            first = first or error
+    if first is not None:
+        raise first
+
+
+def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> int:
+    from mpp_taichi.sweep.structure import why_alone
+
+    workers = _workers(arguments)
+    seconds = cost.seconds / min(workers, cost.chunks)
+    alone = why_alone(store.scene)
+    found = {
+        "folder": str(store.folder),
+        "members": cost.members,
+        "shape": list(store.plan.shape),
+        "chunks": store.chunk_count,
+        "members_per_chunk": store.chunk,
+        "measures": store.measures,
+        "side_by_side": not alone,
+        "reason": alone,
+        "workers": workers,
+        "seconds": round(seconds, 1),
+        "bytes": cost.bytes * min(workers, cost.chunks),
+    }
+    if arguments.json:
+        put_json(found)
+        return 0
+    way = f"one after the other: {alone}" if alone else "side by side, one thread each"
+    put(
+        f"{cost.members:,} members ({' × '.join(f'{size:,}' for size in store.plan.shape)}) in {store.chunk_count:,} chunks of "
+        f"{store.chunk:,}, {way}\nsome {_time(seconds)} with {workers} processes, {found['bytes'] / 2**20:,.0f} MiB; "
+        f"results in {store.folder}"
+    )
+    return 0
+
+
+def _run(store: "Store", arguments: argparse.Namespace) -> int:
+    """Run the chunks that are missing; the number of members that were run."""
+    from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.sweep.carrier import Processes
+    from mpp_taichi.sweep.progress import Progress
+
+    if arguments.fresh:
+        shutil.rmtree(store.folder / "chunks", ignore_errors=True)
+    store.save()
+    mine = [number for number in store.missing() if arguments.part is None or number % arguments.part[1] == arguments.part[0] - 1]
+    if not mine:
+        return 0
+    workers = min(_workers(arguments), len(mine))
+    tell = (lambda _: None) if arguments.quiet else say
+    progress = Progress(store, mine, tell)
+    with Interruption() as interruption:
+        try:
+            Processes(store.folder, workers, 1).carry(mine, progress.done, interruption.raise_if_any)
+        except BaseException:
+            progress.picture()
+            tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")
+            raise
+    return progress.members
+
+
+def finish(store: "Store", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
+    """Write the table and the pictures of what is done."""
+    from mpp_taichi.sweep.picture import draw
+    from mpp_taichi.sweep.results import SweepResults
+    from mpp_taichi.sweep.tables import write_csv, write_netcdf
+
+    results = SweepResults(store)
+    if done_by_part and results.done < results.count:
+        return results, []
+    files = [store.folder / "members.csv"]
+    write_csv(results, files[0])
+    if write_netcdf(results, store.folder / "sweep.nc"):
+        files.append(store.folder / "sweep.nc")
+    return results, files + draw(results, store.folder)
+
+
+def _report(
+    store: "Store", results: "SweepResults", files: list[Path], ran: int, seconds: float, arguments: argparse.Namespace
+) -> None:
+    counts = results.counts()
+    if arguments.json:
+        put_json(
+            {
+                "folder": str(store.folder),
+                "members": results.count,
+                "shape": list(results.shape),
+                "measures": results.names,
+                "statuses": counts,
+                "ran": ran,
+                "seconds": round(seconds, 3),
+                "files": [str(path) for path in files],
+            }
+        )
+    elif not arguments.quiet:
+        told = ", ".join(f"{number:,} {word}" for word, number in counts.items())
+        put(f"{results.count:,} members: {told}; {ran:,} of them run now, in {_time(seconds)}")
+        put(f"wrote {', '.join(map(str, files))}" if files else f"the other parts are missing; {store.folder} holds what is done")
+
+
+def _workers(arguments: argparse.Namespace) -> int:
+    if arguments.workers is not None:
+        return int(min(arguments.workers, MOST_WORKERS))
+    return min(processors(), MOST_WORKERS) if arguments.backend == "cpu" else 1
+
+
+def _part(text: str) -> tuple[int, int]:
+    number, slash, parts = text.partition("/")
+    if not (slash and number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"{text!r} must be k/n with k from 1 to n, as 2/8")
+    return int(number), int(parts)
+
+
+def _time(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60.0:.3g} min" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"

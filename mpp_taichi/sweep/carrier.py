@@ -1,0 +1,87 @@
+"""Carrier: processes that share the chunks of a sweep. It only carries: whether a chunk is done, the store alone knows."""
+
+import contextlib
+import queue
+import threading
+import time as clock
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.compare.process import WorkerError, WorkerProcess
+from mpp_taichi.device.thread_count import start_thread
+
+MODULE = "mpp_taichi.sweep.worker"
+LOOK_SECONDS = 0.05
+LONGEST_SECONDS = 7 * 24 * 3600.0  # of one chunk: members may be long, and nobody else waits for them
+TRIES = 2  # of a chunk whose process has died
+
+
+class Processes:
+    """Worker processes on this machine."""
+
+    def __init__(self, folder: Path, count: int, threads: int) -> None:
+        """Nothing is started yet; `threads` are those of each process."""
+        self.folder, self.count, self.threads = folder, count, threads
+        self._stopped = threading.Event()
+        self._lock = threading.Lock()
+        self._error: Exception | None = None
+
+    def carry(self, numbers: Iterable[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
+        """Run these chunks; `done` is told of each in this thread, `look` is called again and again and may raise.
+
+        Raises:
+            WorkerError: a chunk has ended its process twice.
+        """
+        waiting, finished = iter(numbers), queue.SimpleQueue[dict[str, Any]]()
+        threads = [threading.Thread(target=self._work, args=(waiting, finished), daemon=True) for _ in range(self.count)]
+        try:
+            for thread in threads:
+                start_thread(thread)
+            while any(thread.is_alive() for thread in threads) or not finished.empty():
+                look()
+                with contextlib.suppress(queue.Empty):
+                    done(finished.get(timeout=LOOK_SECONDS))
+        finally:
+            self._stopped.set()
+            for thread in threads:
+                if thread.ident is not None:
+                    thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _work(self, waiting: Any, finished: "queue.SimpleQueue[dict[str, Any]]") -> None:
+        worker: WorkerProcess | None = None
+        try:
+            while not self._stopped.is_set():
+                with self._lock:
+                    number = next(waiting, None)
+                if number is None:
+                    break
+                for attempt in range(TRIES):
+                    try:
+                        worker = worker or WorkerProcess(self.folder, None, self._look, module=MODULE)
+                        asked = {"folder": str(self.folder), "number": number, "threads": self.threads}
+                        finished.put(worker.ask("chunk", LONGEST_SECONDS, **asked))
+                        break
+                    except WorkerError as error:
+                        if worker is not None:
+                            worker.kill()
+                        worker = None
+                        if self._stopped.is_set():
+                            return
+                        if attempt == TRIES - 1:
+                            raise WorkerError(f"chunk {number} of the sweep: {error}") from error
+                        clock.sleep(LOOK_SECONDS)
+        except Exception as error:  # `carry` raises it in its own thread
+            self._error = error
+            self._stopped.set()
+        finally:
+            if worker is not None and self._stopped.is_set():
+                worker.kill()
+            elif worker is not None:
+                worker.end()
+
+    def _look(self) -> None:
+        if self._stopped.is_set():
+            raise WorkerError("the sweep was ended")

@@ -1,0 +1,233 @@
+"""Replicas: members with the same step run side by side, one thread each, many steps in one launch."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mpp_taichi.contacts._report import ContactReport
+from mpp_taichi.errors import MppError
+from mpp_taichi.scene.timeline import whole_steps
+from mpp_taichi.simulation.simulation import Simulation
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.sweep.gauges import Gauges, stride_of
+from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, Row
+
+KEPT = 4  # simulations whose kernels are kept for the next chunk
+
+
+@dataclass(frozen=True)
+class Device:
+    """Where members run."""
+
+    backend: str
+    precision: str
+    threads: int | None = None
+
+
+class Bench:
+    """Simulations of this process, by the step that they have compiled and the number of replicas."""
+
+    def __init__(self, device: Device, look: Callable[[], None] = lambda: None) -> None:
+        """`look` is called between launches and may raise."""
+        self.device, self.look = device, look
+        self._kept: OrderedDict[Hashable, Simulation] = OrderedDict()
+
+    def simulation(self, key: Hashable, members: Sequence[Member]) -> Simulation:
+        """A simulation of these members at their starts, one replica each."""
+        starts = tuple(each.start for each in members)
+        starts += starts if len(starts) == 1 else ()  # a single copy would be run by another plan, with other roundings
+        known = self._kept.pop((key, len(starts)), None)
+        if known is None:
+            known = Simulation(
+                members[0].spec,
+                backend=self.device.backend,
+                precision=self.device.precision,
+                threads=self.device.threads,
+                plan="replicas",
+                replica_starts=starts,
+            )
+        self._kept[key, len(starts)] = known
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)[1].close()
+        known.place_replicas(starts)
+        return known
+
+    def close(self) -> None:
+        """Give the memory back."""
+        for simulation in self._kept.values():
+            simulation.close()
+        self._kept.clear()
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """The particles of several members, with an entry for each: position, velocity (members, n, 3) and mass (members, n)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    mass: np.ndarray
+
+
+class Moment:
+    """All members at one step; what is asked for is read from the device once."""
+
+    def __init__(self, simulation: Simulation, members: Sequence[Member], mass: np.ndarray) -> None:
+        """`mass` as the device keeps it, (members, particle_count)."""
+        self.simulation, self.members, self.mass = simulation, members, mass
+        self.time, self.gravity = simulation.time, simulation.spec.gravity
+
+    @cached_property
+    def vectors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities, each (members, particle_count, 3)."""
+        position, velocity = self.simulation.state.read_replicas()
+        return position[: len(self.members)], velocity[: len(self.members)]
+
+    @cached_property
+    def potential_energies(self) -> np.ndarray:
+        """Potential energy of each member."""
+        return self.simulation.phase.energy_meter.potential_energies(self.time)[: len(self.members)]
+
+    @cached_property
+    def broken(self) -> np.ndarray:
+        """For each member the first particle that is not finite, or −1."""
+        finite = np.isfinite(self.vectors[0]).all(axis=2) & np.isfinite(self.vectors[1]).all(axis=2)
+        return np.where(finite.all(axis=1), -1, np.argmin(finite, axis=1))
+
+    def of(self, who: np.ndarray) -> "MemberSamples":
+        """The sample of these members."""
+        return MemberSamples(self, who)
+
+
+class MemberSamples:
+    """Some members at one moment, as `Quantity.measure_many` takes them; `one` is the sample of a single member."""
+
+    def __init__(self, moment: Moment, who: np.ndarray) -> None:
+        """Nothing is read from the device before a quantity asks for it."""
+        self._moment, self._who, self.time = moment, who, moment.time
+
+    @cached_property
+    def snapshot(self) -> Copies:
+        """The particles."""
+        position, velocity = self._moment.vectors
+        return Copies(position[self._who], velocity[self._who], self._moment.mass[self._who])
+
+    @cached_property
+    def potential_energy(self) -> np.ndarray:
+        """The sum over all forces that have a potential, of each member."""
+        return self._moment.potential_energies[self._who]
+
+    def one(self, number: int) -> "ReplicaSample":
+        """A single member."""
+        return ReplicaSample(self._moment, self._moment.members[number], number)
+
+
+class ReplicaSample:
+    """One replica at one moment, as quantities measure it."""
+
+    phase_number = 0
+    phase_energy = None
+
+    def __init__(self, moment: Moment, member: Member, replica: int) -> None:
+        """Nothing is read from the device before a quantity asks for it."""
+        self._moment, self._member, self._replica = moment, member, replica
+        self.time, self.gravity, self.contact_report = moment.time, moment.gravity, ContactReport()
+
+    @cached_property
+    def snapshot(self) -> Snapshot:
+        """The particles, with the masses that the device keeps."""
+        position, velocity = (values[self._replica] for values in self._moment.vectors)
+        moved = self._member.start.moved(position=position, velocity=velocity, time=self.time, step=0)
+        return replace(moved, mass=self._moment.mass[self._replica])
+
+    @cached_property
+    def potential_energy(self) -> float:
+        """The sum over all forces that have a potential."""
+        return float(self._moment.potential_energies[self._replica])
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Accelerations are measured of a single simulation only."""
+        raise NotImplementedError("quantities that need accelerations are measured of members that run alone")
+
+
+def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[Row]:
+    """The rows of members with the same structure, in their order.
+
+    Each member has the bits that it has by itself: its steps, its samples and its end follow from its own motion alone.
+    """
+    spec = members[0].spec
+    try:
+        simulation = bench.simulation(key, members)
+        total, rest = _length(simulation)
+        simulation.check_step(total)
+    except MppError as error:
+        return [Row(each.number, REFUSED, _nothing(each), reason=_line(error)) for each in members]
+    gauges = Gauges(members, stride_of(spec.run, total), simulation.device.precision)
+    looks = _Looks(simulation, members, gauges)
+    step = 0
+    looks.look(step)
+    while len(active := gauges.active) and step < total:
+        bench.look()
+        following = min(total, int(gauges.due[active].min()))
+        simulation.try_steps(following - step, judged=False)
+        step = following
+        looks.look(step, everybody=step == total and rest == 0.0)
+    if len(gauges.active) and rest > 0.0:
+        simulation.try_steps(1, rest, judged=False)
+        step += 1
+        looks.look(step, everybody=True)
+    gauges.end_all(simulation.time, step)
+    return [row for row in gauges.rows if row is not None]
+
+
+class _Looks:
+    """Samples of the members that are still running."""
+
+    def __init__(self, simulation: Simulation, members: Sequence[Member], gauges: Gauges) -> None:
+        self.simulation, self.members, self.gauges = simulation, members, gauges
+        self._mass = simulation.state.as_kept(np.stack([each.start.mass for each in members]))
+
+    def look(self, step: int, *, everybody: bool = False) -> None:
+        """Sample the members that are due, and end those that have broken down."""
+        who = self.gauges.active
+        if not everybody:
+            who = who[self.gauges.due[who] <= step]
+        moment = Moment(self.simulation, self.members, self._mass)
+        broken, stalled = moment.broken, self._stalled()
+        for k in who[(broken[who] >= 0) | stalled[who]].tolist():
+            if broken[k] >= 0:
+                reason = f"the position or velocity of particle {broken[k]} is no finite number by t = {moment.time:.6g}"
+                self.gauges.end(k, moment.time, step, status=DIVERGED, particle=int(broken[k]), reason=reason)
+            else:
+                reason = f"{self.simulation.integrator.standing_reason}, before t = {moment.time:.6g}"
+                self.gauges.end(k, moment.time, step, status=STALLED, reason=reason)
+        who = who[(broken[who] < 0) & ~stalled[who]]
+        if len(who):
+            self.gauges.look(moment.of(who), who, step, self.simulation.dt)
+
+    def _stalled(self) -> np.ndarray:
+        """Whether the method of each member stands still."""
+        found = np.zeros(len(self.members), bool)
+        standing = self.simulation.integrator.standing_replicas(self.simulation.state)
+        found[standing[standing < len(found)]] = True
+        return found
+
+
+def _length(simulation: Simulation) -> tuple[int, float]:
+    """Whole steps of a run, and the length of a shorter last step or 0."""
+    run = simulation.spec.run
+    if run.duration is None:
+        return run.steps or 0, 0.0
+    return whole_steps(run.duration, simulation.dt)
+
+
+def _nothing(member: Member) -> list[float]:
+    assert member.spec.sweep is not None
+    return [float("nan")] * len(member.spec.sweep.measure)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,138 @@
+"""Store: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows of those that are done."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.atomic_file import whole_text
+from mpp_taichi.device.availability import TAICHI_VERSION
+from mpp_taichi.errors import StateError
+from mpp_taichi.report.expectations import label_of
+from mpp_taichi.scene.load import load_resolved
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.sweep_spec import SweepSpec
+from mpp_taichi.sweep.chunk import Columns, name_of, read
+from mpp_taichi.sweep.member import UNREAD
+from mpp_taichi.sweep.order import coarse_to_fine
+from mpp_taichi.sweep.plan import Plan
+from mpp_taichi.version import __version__
+
+FORMAT = 1
+FILE = "sweep.json"
+CHUNKS = "chunks"
+SUFFIX = ".sweep"
+
+
+@dataclass(frozen=True, eq=False)
+class Store:
+    """A sweep with its folder.
+
+    device   backend and precision of all members, as plain values
+    chunk    members of a chunk
+    """
+
+    folder: Path
+    resolved: Mapping[str, Any]
+    source: str
+    device: Mapping[str, Any]
+    chunk: int
+
+    @cached_property
+    def scene(self) -> SceneSpec:
+        """The scene as it is written, with its block `sweep:`."""
+        return load_resolved(self.resolved, self.source)
+
+    @property
+    def sweep(self) -> SweepSpec:
+        """The checked block `sweep:`."""
+        found: SweepSpec = self.scene.sweep
+        return found
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The members."""
+        return Plan(self.sweep)
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """All members, coarse to fine."""
+        return coarse_to_fine(self.plan.shape, spread=self.sweep.sample is None)
+
+    @cached_property
+    def measures(self) -> list[str]:
+        """A name for each measure: that of its quantity, with its parameters where a quantity is measured twice."""
+        names = [each.quantity for each in self.sweep.measure]
+        return [
+            name if names.count(name) == 1 else label_of(each) for name, each in zip(names, self.sweep.measure, strict=True)
+        ]
+
+    @cached_property
+    def known(self) -> dict[str, Any]:
+        """What all results depend on, beside the values of the members."""
+        plain = {key: value for key, value in self.resolved.items() if key not in UNREAD}
+        block = {key: value for key, value in plain.pop("sweep").items() if key in ("measure", "stop")}
+        expected = None if block.get("measure") else self.resolved.get("expect")
+        versions = {"mpp_taichi": __version__, "taichi": TAICHI_VERSION, "numpy": np.__version__}
+        return {"scene": plain, "sweep": block, "expect": expected, "device": dict(self.device), "versions": versions}
+
+    @property
+    def chunk_count(self) -> int:
+        """Number of chunks."""
+        return -(-self.plan.count // self.chunk)
+
+    def members(self, number: int) -> np.ndarray:
+        """The members of a chunk."""
+        return self.order[number * self.chunk : (number + 1) * self.chunk]
+
+    def path(self, number: int) -> Path:
+        """The file of a chunk."""
+        members = self.members(number)
+        return self.folder / CHUNKS / name_of(self.known, self.plan.values(members), members.tolist())
+
+    def columns(self, number: int) -> Columns | None:
+        """The rows of a chunk; None where it is not done."""
+        return read(self.path(number), self.members(number), len(self.measures))
+
+    def missing(self) -> Iterator[int]:
+        """Numbers of the chunks that are not done."""
+        return (number for number in range(self.chunk_count) if self.columns(number) is None)
+
+    def save(self) -> None:
+        """Write `sweep.json`.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        facts = {
+            "format": FORMAT,
+            "scene": dict(self.resolved),
+            "source": self.source,
+            "device": dict(self.device),
+            "chunk": self.chunk,
+            "members": self.plan.count,
+            "versions": self.known["versions"],
+        }
+        whole_text(self.folder / FILE, json.dumps(facts, indent=1), "the description of the sweep")
+
+
+def opened(folder: Path) -> Store:
+    """The sweep of a folder.
+
+    Raises:
+        StateError: there is none, or its description cannot be read.
+    """
+    path = folder / FILE
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StateError(f"{folder}: no sweep, it has no {FILE}") from None
+    except (OSError, ValueError) as error:
+        raise StateError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
+        raise StateError(f"{path}: is no description of a sweep of format {FORMAT}")
+    return Store(folder, facts["scene"], facts["source"], facts["device"], int(facts["chunk"]))
