@@ -29,14 +29,16 @@ class EnergyMeter:
 
     @ti.kernel
     def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
+        self.total_force.at_replica(0)
         for i in range(self.state.particle_count):
             terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
 
     @ti.kernel
     def _measure_replicas(self, time: float, terms: ti.types.ndarray(ndim=1)):
         for i in range(self.state.total_count):
-            first = i // self.state.particle_count * self.state.particle_count
-            terms[i] = self.total_force.potential_energy_of(self.state, first, i, time)
+            replica = i // self.state.particle_count
+            self.total_force.at_replica(replica)
+            terms[i] = self.total_force.potential_energy_of(self.state, replica * self.state.particle_count, i, time)
 
     def potential_energies(self, time: float) -> np.ndarray:
         """Potential energy of each replica, (replica_count,)."""
@@ -104,6 +106,7 @@ class PowerMeter:
     @ti.kernel
     def keep(self, s: ti.i32, time: float):
         """Measure after step s of a launch."""
+        self.total_force.at_replica(0)
         for b in range(self.block_count):
             self.store(s, b, time)
 

@@ -65,6 +65,7 @@ class TotalForce:
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
         self.forces = forces
+        self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
         self.dimensions = dimensions
         pairs = tuple(force for force in forces if isinstance(force, PairForce))
@@ -86,6 +87,12 @@ class TotalForce:
         self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
+
+    @traced
+    def at_replica(self, replica):
+        """Say in a kernel over replicas for which of them the forces are evaluated from here on."""
+        if self.live is not None:
+            self.live.at_replica(replica)
 
     def pair_loops(self, state: Any) -> int:
         """Number of parallel loops over pairs in one sum on the cores of a CPU."""

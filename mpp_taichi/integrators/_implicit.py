@@ -309,8 +309,9 @@ class Implicit(Integrator):
     def _start(self, state: Template, total_force: Template, time: float):
         ti.loop_config(serialize=ti.static(is_short(state.total_count)))  # no other thread is woken
         for i in range(state.total_count):
-            first = i // state.particle_count * state.particle_count
-            self.start(state, total_force, first, i, time)
+            replica = i // state.particle_count
+            total_force.at_replica(replica)
+            self.start(state, total_force, replica * state.particle_count, i, time)
 
     @ti.kernel
     def _remember(self, state: Template):

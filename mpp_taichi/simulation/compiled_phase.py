@@ -66,7 +66,9 @@ class CompiledPhase:
 
             refusals.check_rods(spec, device)
             rods = RodProjection(start, spec.dimensions)
-        self.live = LiveParameters(spec.forces, compose(spec, start), two_parts=two_parts)
+        self.replica_count = max(1, len(replica_starts))
+        forces = compose(spec, start)
+        self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
         self.total_force = TotalForce(
             self.live.forces,
             start.particle_count,
@@ -76,9 +78,9 @@ class CompiledPhase:
             two_parts=two_parts,
             rods=rods,
         )
+        self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(start, self.total_force, device.precision)
         refusals.check_sines(spec, self.total_force.forces, device)
-        self.replica_count = max(1, len(replica_starts))
         self.plan = settle_plan(
             plan,
             name=spec.integrator.name,

@@ -2,13 +2,14 @@
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene import sliders
+from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.accounts import Accounts, SavedAccounts
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.compiled_phase import CompiledPhase
@@ -65,9 +66,10 @@ class PhaseRunner:
         self.phase.place(start, self.clock.dt)
         self.accounts.restart()
 
-    def place_replicas(self, starts: tuple[Snapshot, ...]) -> None:
-        """Go back to the start of the course, each replica to a start of its own."""
+    def place_replicas(self, starts: tuple[Snapshot, ...], scenes: Sequence[SceneSpec]) -> None:
+        """Go back to the start of the course, each replica to a start of its own and with the parameters of a scene of its own."""
         self.phase.replica_starts = starts
+        self.phase.live.write_rows([scene.forces for scene in scenes])
         self.restart()
 
     def restart_as_written(self) -> None:

@@ -208,9 +208,12 @@ class Simulation:
         self.judge.restart()
 
     @in_turn
-    def place_replicas(self, starts: Sequence[Snapshot]) -> None:
-        """Go back to the time of the start, each replica to a start of its own: as many as there are replicas."""
-        self._runner.place_replicas(tuple(starts))
+    def place_replicas(self, starts: Sequence[Snapshot], scenes: Sequence[SceneSpec] = ()) -> None:
+        """Go back to the time of the start, each replica to a start of its own: as many as there are replicas.
+
+        Each may have a scene of its own, which differs in the `live` parameters of its forces.
+        """
+        self._runner.place_replicas(tuple(starts), scenes or [self.spec] * len(starts))
         self.judge.restart()
 
     @in_turn

@@ -3,7 +3,8 @@
 A parameter that the scene fixes is a constant of its kernels, and costs nothing. A parameter that `sliders:` names must change
 without a compilation. A force with such parameters is therefore an instance of a class made at run time, with a property for
 each of them: in a kernel that is being compiled the property is a load from a field, elsewhere it is the number. The formula
-in the file of the force is the same text for both.
+in the file of the force is the same text for both. Replicas may have values of their own: then the field has a row for each,
+and a kernel says by `at_replica` which row the loads after it take.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,36 +29,51 @@ class LiveParameters:
     force takes through `parameter` (arithmetic/force_numbers.py).
     """
 
-    def __init__(self, entries: Sequence[ComponentSpec], forces: Sequence[Any], *, two_parts: bool = False) -> None:
-        """Allocate; the first forces were built from the `entries`, one for each."""
+    def __init__(
+        self, entries: Sequence[ComponentSpec], forces: Sequence[Any], *, two_parts: bool = False, replica_count: int = 1
+    ) -> None:
+        """Allocate a row for each replica; the first forces were built from the `entries`, one for each."""
+        self.replica_count = replica_count
+        self._row: tuple[Any, Any] = (None, 0)  # the kernel that was last told its replica, and the number of the replica
         self._places: dict[tuple[str, str], int] = {}
         count = 0
         for entry in entries:
             for name in entry.live:
                 self._places[entry.name, name] = count
                 count += COMPONENTS
-        self._values = np.zeros(count)
+        self._values = np.zeros((replica_count, count))
         self.forces = tuple(forces)
         self._memory: Any = None
         if count == 0:
             return
         self._fields = [ti.field(float) for _ in range(2 if two_parts else 1)]  # the second has the low parts
-        self._memory = FieldGroup((count, *self._fields))
+        self._memory = FieldGroup((count * replica_count, *self._fields))
         made = [self._loading(entry, force) for entry, force in zip(entries, forces)]
         self.forces = (*made, *forces[len(entries) :])
         self.write(entries)
 
     def write(self, entries: Sequence[ComponentSpec]) -> None:
-        """Set the values of these entries, which the forces use from the next launch on."""
-        for entry in entries:
+        """Set the values of these entries in all rows, which the forces use from the next launch on."""
+        self.write_rows([entries] * self.replica_count)
+
+    def write_rows(self, rows: Sequence[Sequence[ComponentSpec]]) -> None:
+        """Set the values of each replica by entries of its own."""
+        if self._memory is None:
+            return
+        for entry in rows[0]:
             for name in entry.live:
-                value, place = entry.parameters[name], self._places[entry.name, name]
-                numbers = value if isinstance(value, tuple) else (value,)
-                self._values[place : place + len(numbers)] = numbers
-        if self._memory is not None:
-            dtype = np.float32 if self._fields[0].dtype == ti.f32 else np.float64
-            arrays = split(self._values) if len(self._fields) > 1 else (self._values.astype(dtype),)
-            bulk_copy.write(self._fields, arrays)
+                place = self._places[entry.name, name]
+                own = [next(each for each in row if each.name == entry.name).parameters[name] for row in rows]
+                numbers = np.array([value if isinstance(value, tuple) else (value,) for value in own], np.float64)
+                self._values[:, place : place + numbers.shape[1]] = numbers
+        values = self._values.ravel()
+        dtype = np.float32 if self._fields[0].dtype == ti.f32 else np.float64
+        arrays = split(values) if len(self._fields) > 1 else (values.astype(dtype),)
+        bulk_copy.write(self._fields, arrays)
+
+    def at_replica(self, replica: Any) -> None:
+        """Let all loads of the kernel that is being compiled, from here on, take the row of this replica."""
+        self._row = (ti.lang.impl.get_runtime().compiling_callable, replica)
 
     def destroy(self) -> None:
         """Free the memory."""
@@ -74,7 +90,7 @@ class LiveParameters:
     def _property(self, place: int, example: Any) -> property:
         def load(_: Any) -> Any:
             if not ti.lang.impl.inside_kernel():
-                numbers = tuple(self._values[place : place + COMPONENTS].tolist())
+                numbers = tuple(self._values[0, place : place + COMPONENTS].tolist())
                 return numbers if isinstance(example, tuple) else numbers[0]
             loaded = [self._loaded(place + k) for k in range(COMPONENTS)]
             return tuple(loaded) if isinstance(example, tuple) else loaded[0]
@@ -82,7 +98,13 @@ class LiveParameters:
         return property(load)
 
     def _loaded(self, place: int) -> Any:
-        parts = [ti.lang.impl.subscript(None, field, place) for field in self._fields]
+        at: Any = place
+        if self.replica_count > 1:
+            kernel, replica = self._row
+            if kernel is not ti.lang.impl.get_runtime().compiling_callable:
+                raise TypeError("a kernel over replicas reads a parameter without `at_replica`")
+            at = replica * self._values.shape[1] + place
+        parts = [ti.lang.impl.subscript(None, field, at) for field in self._fields]
         return DoubleSingle(None, *parts) if len(parts) > 1 else parts[0]
 
 

@@ -74,6 +74,7 @@ class AdaptiveSteps(Launcher):
             for q in range(self.state.replica_count * self.grain):
                 if is_heavy(q, self.grain):
                     replica = q // self.grain
+                    self.total_force.at_replica(replica)
                     first = replica * self.state.particle_count
                     self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
 
@@ -88,6 +89,7 @@ class AdaptiveSteps(Launcher):
             for q in range(self.state.replica_count * self.grain):
                 if is_heavy(q, self.grain):
                     replica = q // self.grain
+                    self.total_force.at_replica(replica)
                     first = replica * self.state.particle_count
                     self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
                     self.integrator.show(self.state, self.total_force, first, end)

@@ -52,6 +52,7 @@ class SerialForceSum(ForceSum):
             for q in range(self.state.replica_count * self.grain):
                 if is_heavy(q, self.grain):
                     replica = q // self.grain
+                    total_force.at_replica(replica)
                     first = replica * self.state.particle_count
                     total_force.accumulate(self.state, first, time, "serial")
 

@@ -26,5 +26,6 @@ class OwnState(Launcher):
         for q in range(self.state.replica_count * self.grain):
             if is_heavy(q, self.grain):
                 replica = q // self.grain
+                self.total_force.at_replica(replica)
                 first = replica * self.state.particle_count
                 self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)

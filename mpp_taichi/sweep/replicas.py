@@ -37,8 +37,10 @@ class Bench:
 
     def simulation(self, key: Hashable, members: Sequence[Member]) -> Simulation:
         """A simulation of these members at their starts, one replica each."""
-        starts = tuple(each.start for each in members)
-        starts += starts if len(starts) == 1 else ()  # a single copy would be run by another plan, with other roundings
+        scenes, starts = [each.spec for each in members], [each.start for each in members]
+        while len(starts) < 2 or len(starts) & (len(starts) - 1):  # few sizes, so that few kernels are compiled
+            scenes.append(scenes[0])
+            starts.append(starts[0])
         known = self._kept.pop((key, len(starts)), None)
         if known is None:
             known = Simulation(
@@ -47,12 +49,12 @@ class Bench:
                 precision=self.device.precision,
                 threads=self.device.threads,
                 plan="replicas",
-                replica_starts=starts,
+                replica_starts=tuple(starts),
             )
         self._kept[key, len(starts)] = known
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)[1].close()
-        known.place_replicas(starts)
+        known.place_replicas(starts, scenes)
         return known
 
     def close(self) -> None:
@@ -77,7 +79,7 @@ class Moment:
     def __init__(self, simulation: Simulation, members: Sequence[Member], mass: np.ndarray) -> None:
         """`mass` as the device keeps it, (members, particle_count)."""
         self.simulation, self.members, self.mass = simulation, members, mass
-        self.time, self.gravity = simulation.time, simulation.spec.gravity
+        self.time = simulation.time
 
     @cached_property
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +135,7 @@ class ReplicaSample:
     def __init__(self, moment: Moment, member: Member, replica: int) -> None:
         """Nothing is read from the device before a quantity asks for it."""
         self._moment, self._member, self._replica = moment, member, replica
-        self.time, self.gravity, self.contact_report = moment.time, moment.gravity, ContactReport()
+        self.time, self.gravity, self.contact_report = moment.time, member.spec.gravity, ContactReport()
 
     @cached_property
     def snapshot(self) -> Snapshot:

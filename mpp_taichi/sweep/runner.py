@@ -1,12 +1,13 @@
 """Runner: the rows of any members, those that can share a launch side by side, the others one after the other."""
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mpp_taichi.sweep.alone import run_alone
 from mpp_taichi.sweep.member import Member, Row, made
 from mpp_taichi.sweep.replicas import Bench, run_together
-from mpp_taichi.sweep.structure import key_of, why_alone
+from mpp_taichi.sweep.structure import Own, key_of, why_alone, with_own
 
 
 def run_members(
@@ -15,8 +16,12 @@ def run_members(
     resolved: Mapping[str, Any],
     source: str,
     bench: Bench,
+    own: Own = frozenset(),
 ) -> list[Row]:
-    """The rows of members of a scene, in the order of `numbers`; each has its `values`, path → value."""
+    """The rows of members of a scene, in the order of `numbers`; each has its `values`, path → value.
+
+    `own` are the parameters of forces that vary in the sweep, so that they are loaded from a field in all chunks alike.
+    """
     rows: dict[int, Row] = {}
     groups: dict[Hashable, list[Member]] = {}
     for number, given in zip(numbers, values, strict=True):
@@ -26,7 +31,8 @@ def run_members(
         elif why_alone(member.spec):
             rows[number] = run_alone(member, bench)
         else:
-            groups.setdefault(key_of(member.spec, member.start), []).append(member)
+            member = replace(member, spec=with_own(member.spec, own))
+            groups.setdefault(key_of(member.spec, member.start, own), []).append(member)
         bench.look()
     for key, members in groups.items():
         for row in run_together(key, members, bench):

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,19 +12,21 @@ import numpy as np
 
 from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.device.availability import TAICHI_VERSION
-from mpp_taichi.errors import StateError
+from mpp_taichi.errors import SceneError, StateError
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.sweep_spec import SweepSpec
 from mpp_taichi.sweep.chunk import Columns, name_of, read
-from mpp_taichi.sweep.member import UNREAD
+from mpp_taichi.sweep.member import UNREAD, scene_of
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
+from mpp_taichi.sweep.structure import Own, own_of
 from mpp_taichi.version import __version__
 
 FORMAT = 1
 FILE = "sweep.json"
+LOOKED_AT = 33  # members by which it is known which parameters of forces vary
 CHUNKS = "chunks"
 SUFFIX = ".sweep"
 
@@ -79,6 +82,17 @@ class Store:
         expected = None if block.get("measure") else self.resolved.get("expect")
         versions = {"mpp_taichi": __version__, "taichi": TAICHI_VERSION, "numpy": np.__version__}
         return {"scene": plain, "sweep": block, "expect": expected, "device": dict(self.device), "versions": versions}
+
+    @cached_property
+    def own(self) -> Own:
+        """The parameters of forces that vary, by some members of the whole sweep: the same ones for all chunks."""
+        numbers = np.unique(np.linspace(0, self.plan.count - 1, LOOKED_AT).astype(np.int64))
+        numbers = np.unique(np.concatenate([numbers, self.order[:LOOKED_AT]]))
+        specs = []
+        for values in self.plan.values(numbers):
+            with suppress(SceneError):
+                specs.append(scene_of(self.resolved, self.source, values))
+        return own_of(specs) if specs else frozenset()
 
     @property
     def chunk_count(self) -> int:

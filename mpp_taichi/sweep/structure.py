@@ -1,21 +1,59 @@
 """Structure: which members can share one compiled step and one launch, and which must be run one after the other."""
 
 import hashlib
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi import component
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
 
+Own = frozenset[tuple[str, str]]
 SHARED_ARRAYS = ("radius", "free", "color")
 """Arrays of particles that all replicas share; positions, velocities, masses and charges are their own."""
 
 
-def key_of(spec: SceneSpec, start: Snapshot) -> Hashable:
-    """All that is compiled into a step or stored once for all replicas: members with the same key can share a launch."""
-    entries = [(kind, entry.name, _told(entry.parameters)) for kind, entry in _entries(spec)]
+def with_own(spec: SceneSpec, own: Own) -> SceneSpec:
+    """The scene whose forces load the parameters in `own` from a field, so that each replica can have its own values."""
+    names = {force: tuple(sorted(parameter for name, parameter in own if name == force)) for force, _ in own}
+    return replace(spec, forces=tuple(replace(entry, live=names.get(entry.name, ())) for entry in spec.forces))
+
+
+def own_of(specs: Sequence[SceneSpec]) -> Own:
+    """The parameters of forces, (force, parameter), in which these scenes differ, and which a kernel can load from a field."""
+    found = set()
+    for entry in specs[0].forces if _takes_own(specs[0]) else ():
+        loadable = {each.name for each in component.declaration("forces", entry.name).parameters if each.slider}
+        for name in loadable:
+            values = [_value(spec, entry.name, name) for spec in specs]
+            if any(value is not None and value != values[0] for value in values):
+                found.add((entry.name, name))
+    return frozenset(found)
+
+
+def _takes_own(spec: SceneSpec) -> bool:
+    names = [entry.name for entry in spec.forces]
+    takes = component.flag("integrators", spec.integrator.name, "takes_sliders", True)
+    return bool(takes) and len(set(names)) == len(names)
+
+
+def _value(spec: SceneSpec, force: str, parameter: str) -> Any:
+    return next((entry.parameters.get(parameter) for entry in spec.forces if entry.name == force), None)
+
+
+def key_of(spec: SceneSpec, start: Snapshot, own: Own = frozenset()) -> Hashable:
+    """All that is compiled into a step or stored once for all replicas: members with the same key can share a launch.
+
+    `own` are the parameters of forces of which each replica has its own value.
+    """
+    entries = []
+    for kind, entry in _entries(spec):
+        told = {name: value for name, value in entry.parameters.items() if kind != "forces" or (entry.name, name) not in own}
+        entries.append((kind, entry.name, _told(told)))
     arrays = [getattr(start, name) for name in SHARED_ARRAYS]
     arrays += [getattr(start.springs, name) for name in ("between", "stiffness", "damping", "rest_length")]
     arrays += [start.rods.between, start.rods.length, start.mass > 0.0]
@@ -40,12 +78,12 @@ def why_alone(spec: SceneSpec) -> str:
     return ""
 
 
-def _entries(spec: SceneSpec):
+def _entries(spec: SceneSpec) -> Iterator[tuple[str, ComponentSpec]]:
     yield "integrator", spec.integrator
     for kind in ("forces", "walls"):
         for entry in getattr(spec, kind):
             yield kind, entry
 
 
-def _told(parameters) -> str:
+def _told(parameters: dict[str, Any]) -> str:
     return repr(sorted(parameters.items(), key=lambda item: item[0]))

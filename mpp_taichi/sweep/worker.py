@@ -24,7 +24,7 @@ def do_chunk(folder: str, number: int, threads: int | None = 1) -> dict[str, Any
         device = Device(store.device["backend"], store.device["precision"], threads)
         bench = _benches.get(device) or _benches.setdefault(device, Bench(device))
         members = store.members(number)
-        rows = run_members(members.tolist(), store.plan.values(members), store.resolved, store.source, bench)
+        rows = run_members(members.tolist(), store.plan.values(members), store.resolved, store.source, bench, store.own)
         columns = columns_of(rows, len(store.measures))
         write(store.path(number), columns)
     statuses = [int((columns.status == code).sum()) for code in range(int(columns.status.max()) + 1)]
