@@ -43,7 +43,32 @@ def scene_of(arguments: argparse.Namespace) -> "SceneSpec":
     from mpp_taichi.scene.load import load_scene
 
     interval = None if arguments.until is None else arguments.until / LOOKS
+    if getattr(arguments, "member", None) is not None or is_sweep(arguments.scene):
+        return _member_of(arguments)
     return replace(load_scene(arguments.scene, overrides=arguments.overrides, interval=interval), leaves_interval_open=False)
+
+
+def add_member(parser: argparse.ArgumentParser) -> None:
+    """--member."""
+    parser.add_argument("--member", type=whole_number, metavar="N", help="of a sweep, whose folder is given in place of a scene")
+
+
+def is_sweep(path: str) -> bool:
+    """Whether a path is the folder of a sweep."""
+    return os.path.isfile(os.path.join(path, "sweep.json"))
+
+
+def _member_of(arguments: argparse.Namespace) -> "SceneSpec":
+    from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.sweep.results import open_sweep
+
+    if not is_sweep(arguments.scene):
+        told = f"--member {arguments.member}: {arguments.scene} is no folder of a sweep"
+        raise UsageError(f"{told}; `mpp-taichi sweep SCENE` makes such a folder")
+    if getattr(arguments, "member", None) is None:
+        raise UsageError(f"{arguments.scene} is a sweep; --member N says which of its members")
+    spec = open_sweep(arguments.scene).member(arguments.member)
+    return load_scene(spec, overrides=arguments.overrides)
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:

@@ -24,8 +24,12 @@ def add_plan(parser: argparse.ArgumentParser) -> None:
         metavar="PATH=VALUES",
         help="values of a key: A:B:N, N values from A to B; log:A:B:N in equal ratios; or [A, B, …]; repeatable",
     )
-    group.add_argument("--zip", action="store_true", help="take the first values together, then the second, in place of all pairs")
-    group.add_argument("--sample", metavar="KIND:N", help="draw N values between A and B of --vary PATH=A:B: random:N or sobol:N")
+    group.add_argument(
+        "--zip", action="store_true", help="take the first values together, then the second, in place of all pairs"
+    )
+    group.add_argument(
+        "--sample", metavar="KIND:N", help="draw N values between A and B of --vary PATH=A:B: random:N or sobol:N"
+    )
     group.add_argument("--seed", type=int, metavar="S", help="seed of --sample; absent: 0")
     group.add_argument(
         "--measure",
@@ -86,7 +90,9 @@ def _vary(text: str, *, sampled: bool) -> tuple[str, Any]:
             scale, values = ("logarithmic" if prefix == "log:" else "linear"), values[len(prefix) :]
     parts = values.split(":")
     if len(parts) != (2 if sampled else 3) or not all(part.strip() for part in parts):
-        raise UsageError(f"sweep: --vary {text}: must be {'PATH=A:B with --sample' if sampled else 'PATH=A:B:N or PATH=[A, B, …]'}")
+        raise UsageError(
+            f"sweep: --vary {text}: must be {'PATH=A:B with --sample' if sampled else 'PATH=A:B:N or PATH=[A, B, …]'}"
+        )
     read = [_value(part, f"--vary {path}") for part in parts]
     found = {"from": read[0], "to": read[1], "scale": scale}
     return path.strip(), found if sampled else {**found, "count": read[2]}

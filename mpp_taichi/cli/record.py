@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
+    _options.add_member(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
     parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="only the last frame, as a picture")
     parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser, or_list=True)
+    _options.add_member(parser)
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
     parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")

@@ -39,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     told = "only the k-th of n parts, for an array of jobs or several computers that share the folder"
     group.add_argument("--part", type=_part, metavar="k/n", help=told)
     parser.add_argument("--out", type=_options.output_path, metavar="FOLDER", help="absent: out/SCENE.sweep")
-    parser.add_argument("--chunk", type=_options.positive_integer, metavar="N", help="members of a chunk; absent: some 30 s of work")
+    parser.add_argument(
+        "--chunk", type=_options.positive_integer, metavar="N", help="members of a chunk; absent: some 30 s of work"
+    )
     parser.add_argument("--dry-run", action="store_true", help="print members, chunks, time and memory, and run nothing")
     parser.add_argument("--fresh", action="store_true", help="remove the folder's chunks, and begin anew")
     _options.add_report(parser)
@@ -81,7 +83,9 @@ def _store(arguments: argparse.Namespace) -> "tuple[Store, Cost]":
     cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
     precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
     folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
-    store = Store(folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk)
+    store = Store(
+        folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk
+    )
     if not arguments.fresh and not arguments.dry_run:
         try:
             before = opened(folder)
@@ -137,7 +141,7 @@ def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> i
     from mpp_taichi.sweep.structure import why_alone
 
     workers = _workers(arguments)
-    seconds = cost.seconds / min(workers, cost.chunks)
+    seconds, size = cost.seconds / min(workers, cost.chunks), cost.bytes * min(workers, cost.chunks)
     alone = why_alone(store.scene)
     found = {
         "folder": str(store.folder),
@@ -150,7 +154,7 @@ def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> i
         "reason": alone,
         "workers": workers,
         "seconds": round(seconds, 1),
-        "bytes": cost.bytes * min(workers, cost.chunks),
+        "bytes": size,
     }
     if arguments.json:
         put_json(found)
@@ -158,7 +162,7 @@ def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> i
     way = f"one after the other: {alone}" if alone else "side by side, one thread each"
     put(
         f"{cost.members:,} members ({' × '.join(f'{size:,}' for size in store.plan.shape)}) in {store.chunk_count:,} chunks of "
-        f"{store.chunk:,}, {way}\nsome {_time(seconds)} with {workers} processes, {found['bytes'] / 2**20:,.0f} MiB; "
+        f"{store.chunk:,}, {way}\nsome {_time(seconds)} with {workers} processes, {size / 2**20:,.0f} MiB; "
         f"results in {store.folder}"
     )
     return 0
@@ -173,7 +177,9 @@ def _run(store: "Store", arguments: argparse.Namespace) -> int:
     if arguments.fresh:
         shutil.rmtree(store.folder / "chunks", ignore_errors=True)
     store.save()
-    mine = [number for number in store.missing() if arguments.part is None or number % arguments.part[1] == arguments.part[0] - 1]
+    mine = [
+        number for number in store.missing() if arguments.part is None or number % arguments.part[1] == arguments.part[0] - 1
+    ]
     if not mine:
         return 0
     workers = min(_workers(arguments), len(mine))
@@ -225,7 +231,11 @@ def _report(
     elif not arguments.quiet:
         told = ", ".join(f"{number:,} {word}" for word, number in counts.items())
         put(f"{results.count:,} members: {told}; {ran:,} of them run now, in {_time(seconds)}")
-        put(f"wrote {', '.join(map(str, files))}" if files else f"the other parts are missing; {store.folder} holds what is done")
+        put(
+            f"wrote {', '.join(map(str, files))}"
+            if files
+            else f"the other parts are missing; {store.folder} holds what is done"
+        )
 
 
 def _workers(arguments: argparse.Namespace) -> int:

@@ -95,7 +95,7 @@ def raster(plot: Map, theme: Theme) -> Image.Image:
 
 @dataclass(frozen=True)
 class MapFrame:
-    """Places in a picture of `size` (width, height) pixels whose letters are `letters` high; field: left, top, right, bottom."""
+    """Places in a picture of `size` (width, height) pixels with letters `letters` high; field: left, top, right, bottom."""
 
     size: tuple[int, int]
     letters: int
@@ -104,7 +104,12 @@ class MapFrame:
     def field(self) -> tuple[int, int, int, int]:
         """The field of the map."""
         width, height = self.size
-        return round(5.5 * self.letters), round(2.6 * self.letters), width - round(8.0 * self.letters), height - round(4.2 * self.letters)
+        return (
+            round(5.5 * self.letters),
+            round(2.6 * self.letters),
+            width - round(8.0 * self.letters),
+            height - round(4.2 * self.letters),
+        )
 
     @property
     def bar(self) -> tuple[int, int, int, int]:

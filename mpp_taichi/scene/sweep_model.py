@@ -151,8 +151,12 @@ def sweep_model(diagnostics: Iterable[str], quantities: Iterable[str], bounds: M
             dict[str, Annotated[Any, _Values()]],
             Describe(description="path of a key, as --set takes it: a list of values or {from, to, count}", min_length=1),
         ),
-        combine=_key(Text(("crossed", "zipped")), "crossed", "every value of a key with every value of the others, or in pairs"),
-        sample=_key(_Sample(), None, "draw values between from and to in place of a grid: {random: n} or {sobol: n}, with seed"),
+        combine=_key(
+            Text(("crossed", "zipped")), "crossed", "every value of a key with every value of the others, or in pairs"
+        ),
+        sample=_key(
+            _Sample(), None, "draw values between from and to in place of a grid: {random: n} or {sobol: n}, with seed"
+        ),
         measure=(list[named], Describe([], description="results of a member; absent: the quantities of expect:")),
         stop=(list[named], Describe([], description="a member ends when one of these quantities leaves its bounds")),
     )

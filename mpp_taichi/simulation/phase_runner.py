@@ -67,7 +67,7 @@ class PhaseRunner:
         self.accounts.restart()
 
     def place_replicas(self, starts: tuple[Snapshot, ...], scenes: Sequence[SceneSpec]) -> None:
-        """Go back to the start of the course, each replica to a start of its own and with the parameters of a scene of its own."""
+        """Go back to the start of the course, each replica to a start of its own, with the parameters of its own scene."""
         self.phase.replica_starts = starts
         self.phase.live.write_rows([scene.forces for scene in scenes])
         self.restart()

@@ -23,7 +23,7 @@ CLOCK = ("end_time", "time", "steps")
 
 
 def stride_of(run: RunSpec, steps: int) -> int:
-    """Steps between two samples where no quantity asks for more: `run.every`, or a power of two with at least SAMPLES samples."""
+    """Steps between samples where no quantity asks for more: `run.every`, or a power of two with at least SAMPLES samples."""
     return run.every or int(below(np.array([steps / SAMPLES]))[0])
 
 
@@ -60,9 +60,10 @@ class Gauges:
     def look(self, sample: Any, who: np.ndarray, step: int, dt: float) -> None:
         """Take a sample of these members at a step; those end for which a condition of `stop:` does not hold any more."""
         shortest = np.full(len(who), np.inf)
-        for gauge in (*self._gauges, *self._guards):
-            gauge.observe(sample, who)
-            shortest = np.minimum(shortest, gauge.interval[who])
+        with np.errstate(over="ignore", invalid="ignore"):  # of members that are about to diverge
+            for gauge in (*self._gauges, *self._guards):
+                gauge.observe(sample, who)
+                shortest = np.minimum(shortest, gauge.interval[who])
         stride = np.minimum(self.stride, below(shortest / dt))
         self.due[who] = (step // stride + 1) * stride
         for condition, guard in zip(self._stops, self._guards, strict=True):

@@ -70,7 +70,9 @@ def whole_scene(resolved: Mapping[str, Any], source: str, values: Mapping[str, A
     """The scene of a member with its pictures, to be run, filmed or opened in the window by itself."""
     plain = {key: value for key, value in resolved.items() if key not in ("sweep", "expect")}
     spec = load_resolved(plain, source, overrides=dict(values))
-    told = ", ".join(f"{path} = {value:.6g}" if isinstance(value, float) else f"{path} = {value}" for path, value in values.items())
+    told = ", ".join(
+        f"{path} = {value:.6g}" if isinstance(value, float) else f"{path} = {value}" for path, value in values.items()
+    )
     return replace(spec, title=f"{spec.title}: {told}" if spec.title else told)
 
 

@@ -55,9 +55,9 @@ def map_of(results: SweepResults, name: str) -> maps.Map:
     known = (results["status"] != "missing").reshape(shape)
     filled, unknown = maps.coarse_fill(values, known)
     paths, specs = list(results.axes), results.store.plan.axes
-    axes = [maps.MapAxis(paths[k], results.axes[paths[k]], specs[k].scale == "logarithmic") for k in wide]
+    x, y = (maps.MapAxis(paths[k], results.axes[paths[k]], specs[k].scale == "logarithmic") for k in wide)
     unit = results.units.get(name, "")
-    return maps.Map(results.long_names.get(name, name), *axes, filled, unknown, unit)
+    return maps.Map(results.long_names.get(name, name), x, y, filled, unknown, unit)
 
 
 def curve_of(results: SweepResults, name: str) -> Plot | None:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -77,7 +78,9 @@ class Plan:
                 engine = qmc.Sobol(keys, scramble=True, seed=np.random.default_rng(sample.seed))
                 if members[run[0]]:
                     engine.fast_forward(int(members[run[0]]))
-                points[run] = engine.random(len(run))
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)  # of a number of points that is no power of two
+                    points[run] = engine.random(len(run))
             return points
         points = np.empty((len(members), keys))
         for block in np.unique(members // BLOCK):

@@ -88,6 +88,7 @@ class Extreme(Reduction):
         self._sign = -1.0 if largest else 1.0
         self._smallest = np.full(count, np.inf)
         self._seen, self._is_over = np.zeros(count, bool), np.zeros(count, bool)
+        self._has_two = np.zeros(count, bool)  # samples, which tell how fast the quantity changes
         self._middle, self._time, self._value, self._rate = (np.zeros(count) for _ in range(4))
         self._farthest, self._fastest, self._steepest = (np.zeros(count) for _ in range(3))
 
@@ -127,13 +128,15 @@ class Extreme(Reduction):
         self._smallest[who] = np.fmin(self._smallest[who], value)
         self._smallest[later] = np.fmin(self._smallest[later], between)
         self._time[who], self._value[who], self._rate[who] = time, value, rate
+        self._has_two[who] |= self._seen[who]
         self._seen[who] = True
 
     def _by_rates(self, who: np.ndarray) -> np.ndarray:
         """A small part of an oscillation, as of a Track; 0 before the second sample."""
         by_distance = _ratio(self._fastest[who], self._farthest[who])
         fastest = np.maximum(by_distance, _ratio(self._steepest[who], self._fastest[who]))
-        return np.where(fastest > 0.0, SAMPLE_ANGLE / np.where(fastest > 0.0, fastest, 1.0), np.inf)
+        wanted = np.where(fastest > 0.0, SAMPLE_ANGLE / np.where(fastest > 0.0, fastest, 1.0), np.inf)
+        return np.where(self._has_two[who], wanted, 0.0)
 
     def _limited(self, wanted: np.ndarray, time: float) -> np.ndarray:
         ends = [end - time for end in (self._after, self._until) if end is not None and end > time]
@@ -154,7 +157,12 @@ class Mean(Reduction):
         """There are no samples yet."""
         super().__init__(count)
         self.quantity, self._after, self._until = quantity, after, until
-        self._area, self._begin, self._time, self._value = np.zeros(count), np.full(count, np.nan), np.zeros(count), np.zeros(count)
+        self._area, self._begin, self._time, self._value = (
+            np.zeros(count),
+            np.full(count, np.nan),
+            np.zeros(count),
+            np.zeros(count),
+        )
         self._is_over = np.zeros(count, bool)
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
@@ -178,7 +186,9 @@ class Mean(Reduction):
     def results(self) -> np.ndarray:
         """The means; of a single sample its value."""
         span = self._time - self._begin
-        found = np.where(span > 0.0, self._area / np.where(span > 0.0, span, 1.0), np.where(np.isnan(span), np.nan, self._value))
+        found = np.where(
+            span > 0.0, self._area / np.where(span > 0.0, span, 1.0), np.where(np.isnan(span), np.nan, self._value)
+        )
         return found if self._until is None else np.where(self._is_over, found, np.nan)
 
 
@@ -245,12 +255,12 @@ class Each(Reduction):
         super().__init__(len(diagnostics))
         self._diagnostics, self._failed = list(diagnostics), np.zeros(len(diagnostics), bool)
         for number, setting in enumerate(settings):
-            self._try(number, lambda diagnostic, setting=setting: diagnostic.begin(setting))  # type: ignore[misc]
+            self._try(number, lambda diagnostic, setting=setting: diagnostic.begin(setting))
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
         """Let each take its own sample."""
         for number in who:
-            self._try(number, lambda diagnostic, number=number: diagnostic.observe(sample.one(number)))  # type: ignore[misc]
+            self._try(number, lambda diagnostic, number=number: diagnostic.observe(sample.one(number)))
             self.interval[number] = np.inf if self._failed[number] else self._diagnostics[number].interval
 
     def finish(self, number: int) -> None:

@@ -125,7 +125,8 @@ class SweepResults:
         for name, measure in zip(self.names, self.store.sweep.measure, strict=True):
             dimension = (0, 1, 0) if measure.quantity in ("end_time", "time") else (0, 0, 0)
             if kind_of(measure.quantity) == "quantities":
-                dimension = component.load("quantities", measure.quantity).dimension
+                quantity: Any = component.load("quantities", measure.quantity)
+                dimension = quantity.dimension
             found[name] = unit_of(scene.units, dimension)
         return found | {"end_time": unit_of(scene.units, (0, 1, 0))}
 
@@ -153,7 +154,9 @@ class SweepResults:
 
         grid = self.store.plan.is_grid
         dims = tuple(self.axes) if grid else ("member",)
-        coordinates: dict[str, Any] = {path: ((path,) if grid else dims, _storable(values)) for path, values in self.axes.items()}
+        coordinates: dict[str, Any] = {
+            path: ((path,) if grid else dims, _storable(values)) for path, values in self.axes.items()
+        }
         variables = {
             name: (dims, self[name], {"units": self.units.get(name, ""), "long_name": self.long_names.get(name, name)})
             for name in self.names

@@ -111,4 +111,8 @@ def _dataset(file: Any, name: str, values: np.ndarray) -> Any:
 
 
 def _stored(values: np.ndarray) -> np.ndarray:
-    return np.array([str(each) for each in values.ravel()], dtype=object).reshape(values.shape) if values.dtype.kind in "UO" else values
+    return (
+        np.array([str(each) for each in values.ravel()], dtype=object).reshape(values.shape)
+        if values.dtype.kind in "UO"
+        else values
+    )

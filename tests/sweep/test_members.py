@@ -1,0 +1,201 @@
+"""Members of a sweep: each has the motion that it has by itself, whatever runs beside it."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpp_taichi import Simulation, load_scene
+from mpp_taichi.sweep.replicas import Bench, Device
+from mpp_taichi.sweep.runner import run_members
+from mpp_taichi.sweep.store import Store
+
+KEPLER = {
+    "constants": {"speed": 0.8, "mass": 1.0, "G": 1.0},
+    "dimensions": 2,
+    "particles": [
+        {"body": {"name": "star", "mass": "mass", "position": [0, 0], "velocity": [0, 0]}},
+        {"body": {"name": "planet", "mass": 0.01, "position": [1, 0], "velocity": [0, "speed"]}},
+    ],
+    "forces": [{"newtonian_gravity": {"strength": "G"}}],
+    "integrator": {"leapfrog": {"dt": 0.01}},
+    "run": {"duration": 5.003},
+    "sweep": {"vary": {"constants.speed": {"from": 0.6, "to": 1.2, "count": 7}}, "measure": ["end_time"]},
+}
+DISTANCE = {"distance": {"between": ["star", "planet"], "when": "smallest"}}
+
+
+def sweep(scene, *, precision="f64", backend="cpu", **block):
+    spec = load_scene({**scene, "sweep": {**scene["sweep"], **block}})
+    return Store(Path("unused"), spec.resolved, "scene", {"backend": backend, "precision": precision}, 4)
+
+
+def rows_of(store, numbers=None, bench=None):
+    numbers = list(range(store.plan.count)) if numbers is None else list(numbers)
+    bench = bench or Bench(Device(store.device["backend"], store.device["precision"], 1))
+    return run_members(numbers, store.plan.values(numbers), store.resolved, store.source, bench, store.own)
+
+
+def bits(rows):
+    return [(row.number, row.status, np.array(row.values).tobytes(), row.time, row.steps) for row in rows]
+
+
+VARIED = {
+    "starts": {"constants.speed": {"from": 0.6, "to": 1.2, "count": 7}},
+    "masses": {"constants.mass": {"from": 0.5, "to": 2, "count": 7}},
+    "strengths": {"forces.newtonian_gravity.strength": {"from": 0.5, "to": 2, "count": 7}},
+    "steps": {"integrator.leapfrog.dt": [0.01, 0.02, 0.005]},
+    "all": {"constants.speed": [0.7, 1.1], "constants.mass": [1, 2], "constants.G": [1, 1.5], "integrator.leapfrog.dt": [0.01, 0.02]},
+}
+MEASURES = [
+    {"position": {"of": "planet", "axis": "x"}},
+    DISTANCE,
+    {"eccentricity": {"of": "planet", "around": "star"}},
+    {"total_energy": {}},
+    "relative_energy_error_max",
+    "end_time",
+    "steps",
+]
+
+
+@pytest.mark.parametrize(
+    ("method", "varied"),
+    [*(("leapfrog", each) for each in VARIED), ("rk4", "all"), ("implicit_midpoint", "all"), ("ias15", "masses")],
+)
+def test_a_member_moves_as_the_scene_does_by_itself(varied, method):
+    scene = {**KEPLER, "integrator": {method: {"dt": 0.01}}}
+    vary = {path.replace("leapfrog", method): values for path, values in VARIED[varied].items()}
+    store = sweep(scene, vary=vary, measure=MEASURES)
+    some = range(0, store.plan.count, 3)
+    for row, values in zip(rows_of(store, some), store.plan.values(some)):
+        with Simulation({**scene, "sweep": store.resolved["sweep"]}, backend="cpu", overrides=values) as simulation:
+            simulation.run(judge="off")
+            alone, energies = simulation.snapshot(), simulation.diagnostics()
+        assert row.status == "ok" and row.time == pytest.approx(5.003, rel=1e-14) and row.steps == simulation.step_count
+        # Other plans add in another order: each of n steps of s stages rounds by 1.1e-16, and on an orbit of eccentricity below
+        # 0.7 a rounding grows to 1 + 3 φ/(1 − e) times its size over φ = 10 radians. ias15 itself keeps 1e-13 a step.
+        rounding = math.sqrt(3 * row.steps * 4) * 1.1e-16 * (1 + 30 / 0.3)
+        allowed = max(rounding, 1e-11) if method in ("ias15", "implicit_midpoint") else rounding
+        assert row.values[0] == pytest.approx(alone.position[1, 0], abs=allowed)
+        assert row.values[3] == pytest.approx(energies["total_energy"], rel=allowed)
+        assert row.values[5] == row.time and row.values[6] == row.steps
+
+
+def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
+    store = sweep(KEPLER, vary=VARIED["all"], measure=MEASURES)
+    together = bits(rows_of(store))
+    one_by_one = [bits(rows_of(store, [number]))[0] for number in range(store.plan.count)]
+    backwards = bits(rows_of(store, reversed(range(store.plan.count))))[::-1]
+    threads = bits(rows_of(store, bench=Bench(Device("cpu", "f64", 2))))
+    assert together == one_by_one == backwards == threads
+
+
+def test_a_bench_that_was_used_before_gives_the_same_bits():
+    store = sweep(KEPLER, vary=VARIED["masses"], measure=MEASURES)
+    bench = Bench(Device("cpu", "f64", 1))
+    first = bits(rows_of(store, bench=bench))
+    rows_of(sweep(KEPLER, vary=VARIED["starts"], measure=MEASURES), bench=bench)
+    assert bits(rows_of(store, bench=bench)) == first
+
+
+def test_the_least_distance_is_the_pericentre_of_each_orbit():
+    store = sweep(KEPLER, vary={"constants.speed": {"from": 0.5, "to": 0.99, "count": 8}}, measure=[DISTANCE], **{})
+    for row, values in zip(rows_of(store), store.plan.values(range(8))):
+        mu, speed = 1.01, values["constants.speed"]
+        axis = 1.0 / (2.0 - speed**2 / mu)
+        # The planet starts in its apocentre. Half of the period is below the duration; a leapfrog's orbit is wrong by (ω dt)²
+        # at the pericentre, ω its angular velocity there.
+        pericentre = 2.0 * axis - 1.0
+        fastest = speed / pericentre**2
+        assert row.values[0] == pytest.approx(pericentre, rel=max(1e-5, (fastest * 0.01) ** 2))
+
+
+def test_a_member_that_ends_early_is_not_run_on_and_the_others_are():
+    store = sweep(
+        KEPLER,
+        vary={"constants.speed": {"from": 0.5, "to": 1.6, "count": 6}},
+        measure=["end_time", {"distance": {"between": ["star", "planet"]}}],
+        stop=[{"distance": {"between": ["star", "planet"], "below": 2}}],
+    )
+    rows = rows_of(store)
+    assert [row.status for row in rows] == ["ok"] * 4 + ["stopped"] * 2
+    for row in rows[4:]:
+        assert row.time == row.values[0] < 5.0 and row.values[1] >= 2.0 and "distance" in row.reason
+        # A sample is taken at least 200 times in a run, and the planet is slower than 1.6.
+        assert row.values[1] < 2.0 + 1.6 * 5.003 / 100
+    assert all(row.values[1] < 2.0 for row in rows[:4])
+
+
+def test_a_promise_that_is_broken_is_told_with_its_bound():
+    store = sweep(KEPLER, measure=[{"distance": {"between": ["star", "planet"], "when": "largest", "below": 1.2}}])
+    rows = rows_of(store)
+    assert {row.status for row in rows} == {"ok", "broken"}
+    for row in rows:
+        assert (row.status == "broken") == (row.values[0] >= 1.2)
+        assert ("1.2" in row.reason) == (row.status == "broken")
+
+
+def test_a_member_that_diverges_is_a_row_and_its_neighbours_go_on():
+    scene = {
+        **KEPLER,
+        "particles": [{"body": {"mass": 1, "position": [1, 0], "velocity": ["speed", 0]}}],
+        "forces": [{"linear_drag": {"coefficient": "G"}}],
+        "integrator": {"euler": {"dt": 1}},
+        "run": {"duration": 600},
+    }
+    # One step multiplies the velocity by 1 − c dt: with c = 5 by −4, and 4^512 is beyond the largest number.
+    rows = rows_of(sweep(scene, vary={"constants.G": [0.01, 5.0, 1.0]}, measure=[{"speed": {}}]))
+    assert [row.status for row in rows] == ["ok", "diverged", "ok"]
+    assert rows[1].particle == 0 and "particle 0" in rows[1].reason and 500 < rows[1].time < 530
+    # A product of 600 factors is rounded 600 times by 1.1e-16.
+    assert rows[0].values[0] == pytest.approx(0.8 * 0.99**600, rel=600 * 1.2e-16) and rows[2].values[0] == 0.0
+
+
+def test_a_member_that_the_scene_refuses_is_a_row():
+    rows = rows_of(sweep(KEPLER, vary={"constants.mass": [1, -1, 2]}, measure=["end_time"]))
+    assert [row.status for row in rows] == ["ok", "refused", "ok"]
+    assert "-1" in rows[1].reason and "at least 0" in rows[1].reason
+
+
+def test_members_of_other_structures_run_in_one_sweep():
+    scene = {**KEPLER, "integrator": "ias15", "constants": {**KEPLER["constants"], "count": 2}}
+    scene["particles"] = [*KEPLER["particles"], {"ring": {"count": "count", "radius": 9, "center": "star", "mass": 0}}]
+    rows = rows_of(sweep(scene, vary={"constants.count": [3, 5], "integrator": ["ias15", "adaptive_dop853"]}, measure=[DISTANCE]))
+    assert [row.status for row in rows] == ["ok"] * 4, [row.reason for row in rows]
+    # The ring has no mass, so that all four are the same orbit, to the accuracy of the methods.
+    assert np.ptp([row.values[0] for row in rows]) < 1e-9
+
+
+GAS = {
+    "dimensions": 2,
+    "particles": [{"gas": {"count": 30, "radius": 0.02, "lower": [0, 0], "upper": [1, 1], "temperature": 1}}],
+    "walls": [{"box": {"lower": [0, 0], "upper": [1, 1]}}],
+    "contacts": {"hard_spheres": {"solver": "event_driven", "restitution": 1}},
+    "run": {"duration": 0.5},
+    "sweep": {"vary": {"seed": [1, 2, 3]}, "measure": ["collision_count", "kinetic_energy", "end_time"]},
+}
+
+
+def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
+    store = sweep(GAS)
+    for row, values in zip(rows_of(store), store.plan.values(range(3))):
+        with Simulation(GAS, backend="cpu", overrides=values) as simulation:
+            simulation.run()
+            assert row.status == "ok" and row.values[0] == simulation.contact_report.collisions > 0
+            assert row.values[1] == simulation.diagnostics()["kinetic_energy"]
+
+
+@pytest.mark.parametrize("precision", ["f32", "f32c", "ds"])
+def test_other_precisions(precision):
+    store = sweep(KEPLER, precision=precision, measure=MEASURES)
+    exact = rows_of(sweep(KEPLER, measure=MEASURES))
+    # In f32 each of 500 steps rounds by 6e-8, which grows a hundred times at most.
+    for row, right in zip(rows_of(store), exact):
+        assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=math.sqrt(3 * 500) * 6e-8 * 100)
+
+
+def test_on_software_vulkan(software_vulkan):
+    store = sweep(KEPLER, precision="f32", backend="vulkan", measure=MEASURES)
+    for row, right in zip(rows_of(store), rows_of(sweep(KEPLER, measure=MEASURES))):
+        assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=math.sqrt(3 * 500) * 6e-8 * 100)
