@@ -101,6 +101,8 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
     word = place.last
     if place.path[:1] == ("expect",) and len(place.path) == 2:
         known = expectations.names()
+    elif place.path[:2] in (("sweep", "measure"), ("sweep", "stop")) and len(place.path) in (3, 4):
+        known = sorted({*known, *component.names("quantities"), *component.names("diagnostics")})
     elif place.path[0] in KIND_OF_KEY and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
         return _unknown_component(KIND_OF_KEY[str(place.path[0])], word)
     if word.isdecimal():

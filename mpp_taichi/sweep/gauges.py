@@ -47,6 +47,7 @@ class Gauges:
         self._measures: Sequence[Expectation] = sweep.measure
         self._stops: Sequence[Expectation] = sweep.stop
         settings = [Setting(each.spec, each.start) for each in members]
+        self._setting = settings[0]
         self._gauges = [_reduction(each, members, settings) for each in self._measures]
         self._guards = [_reduction(each, members, settings) for each in self._stops]
         self.due = np.zeros(len(members), np.int64)
@@ -70,7 +71,7 @@ class Gauges:
             values = np.full(len(self.members), sample.time) if isinstance(guard, Clock) else guard.results()
             for k in who:
                 if self.rows[k] is None and np.isfinite(values[k]) and not holds(condition, values[k], self.precision):
-                    told = f"{label_of(condition)} = {values[k]:.6g}, not {bound_text(condition, self.precision, values[k])}"
+                    told = f"{label_of(condition, self._setting)} = {values[k]:.6g}, not {bound_text(condition, self.precision, values[k])}"
                     self.end(k, sample.time, step, status=STOPPED, reason=told)
 
     def end(self, k: int, time: float, step: int, *, status: str = OK, particle: int = -1, reason: str = "") -> None:
@@ -86,7 +87,7 @@ class Gauges:
             for measure, value in zip(self._measures, values, strict=True):
                 if _is_bounded(measure) and not (np.isfinite(value) and holds(measure, value, self.precision)):
                     status = BROKEN
-                    reason = f"{label_of(measure)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
+                    reason = f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
                     break
         self.rows[k] = Row(self.members[k].number, status, values, time, step, particle, reason)
 

@@ -85,7 +85,8 @@ def test_a_member_moves_as_the_scene_does_by_itself(varied, method):
 def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
     store = sweep(KEPLER, vary=VARIED["all"], measure=MEASURES)
     together = bits(rows_of(store))
-    one_by_one = [bits(rows_of(store, [number]))[0] for number in range(store.plan.count)]
+    bench = Bench(Device("cpu", "f64", 1))
+    one_by_one = [bits(rows_of(store, [number], bench))[0] for number in range(store.plan.count)]
     backwards = bits(rows_of(store, reversed(range(store.plan.count))))[::-1]
     threads = bits(rows_of(store, bench=Bench(Device("cpu", "f64", 2))))
     assert together == one_by_one == backwards == threads
@@ -159,12 +160,12 @@ def test_a_member_that_the_scene_refuses_is_a_row():
 
 
 def test_members_of_other_structures_run_in_one_sweep():
-    scene = {**KEPLER, "integrator": "ias15", "constants": {**KEPLER["constants"], "count": 2}}
-    scene["particles"] = [*KEPLER["particles"], {"ring": {"count": "count", "radius": 9, "center": "star", "mass": 0}}]
-    rows = rows_of(sweep(scene, vary={"constants.count": [3, 5], "integrator": ["ias15", "adaptive_dop853"]}, measure=[DISTANCE]))
-    assert [row.status for row in rows] == ["ok"] * 4, [row.reason for row in rows]
-    # The ring has no mass, so that all four are the same orbit, to the accuracy of the methods.
-    assert np.ptp([row.values[0] for row in rows]) < 1e-9
+    scene = {**KEPLER, "constants": {**KEPLER["constants"], "count": 2}}
+    scene["particles"] = [*KEPLER["particles"], {"ring": {"count": "count", "around": "star", "inner_radius": 8, "outer_radius": 9}}]
+    rows = rows_of(sweep(scene, vary={"constants.count": [3, 5]}, measure=[DISTANCE]))
+    assert [row.status for row in rows] == ["ok"] * 2, [row.reason for row in rows]
+    # The ring has no mass, so that both are the same orbit; the sum of forces has other roundings, of 1.1e-16 in 500 steps.
+    assert np.ptp([row.values[0] for row in rows]) < 500 * 1.1e-16 * 30
 
 
 GAS = {
@@ -182,7 +183,7 @@ def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
     for row, values in zip(rows_of(store), store.plan.values(range(3))):
         with Simulation(GAS, backend="cpu", overrides=values) as simulation:
             simulation.run()
-            assert row.status == "ok" and row.values[0] == simulation.contact_report.collisions > 0
+            assert row.status == "ok" and row.values[0] == simulation.contact_report.pair_count + simulation.contact_report.wall_count > 0
             assert row.values[1] == simulation.diagnostics()["kinetic_energy"]
 
 
