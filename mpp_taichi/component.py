@@ -13,7 +13,8 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -146,7 +147,25 @@ def proposed(kind: str, purpose: str) -> list[str]:
     return sorted(found, key=lambda name: (flag(kind, name, "order", 0), name))
 
 
+@contextmanager
+def files_stay() -> Iterator[None]:
+    """A block in which no component is added or changed, so that each is looked up once: the members of a sweep ask often."""
+    global _looked_up
+    before, _looked_up = _looked_up, cache(_search)
+    try:
+        yield
+    finally:
+        _looked_up = before
+
+
+_looked_up: Callable[[str, str], "Declaration | None"] | None = None
+
+
 def _find(kind: str, name: str) -> Declaration | None:
+    return _search(kind, name) if _looked_up is None else _looked_up(kind, name)
+
+
+def _search(kind: str, name: str) -> Declaration | None:
     for folder in folders(kind):
         path = folder / f"{name}.py"
         if name.isidentifier() and not name.startswith("_") and path.is_file() and (declared := _read(kind, path)):

@@ -13,7 +13,7 @@ PAIR_SECONDS = 3e-9
 """Of a unit of `step_work` in one thread."""
 ADAPTIVE_STEPS = 20
 """Steps of a method that chooses its own, between two samples, roughly."""
-MEMBER_SECONDS = 6e-3
+MEMBER_SECONDS = 2e-3
 """To read the scene of a member and to place its particles."""
 SAMPLE_SECONDS = 1e-3
 """To sample all members of a launch."""

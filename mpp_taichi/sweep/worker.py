@@ -5,6 +5,7 @@ import time as clock
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi import component
 from mpp_taichi.compare.answering import answer_lines
 from mpp_taichi.sweep.chunk import columns_of, write
 from mpp_taichi.sweep.replicas import Bench, Device
@@ -24,7 +25,8 @@ def do_chunk(folder: str, number: int, threads: int | None = 1) -> dict[str, Any
         device = Device(store.device["backend"], store.device["precision"], threads)
         bench = _benches.get(device) or _benches.setdefault(device, Bench(device))
         members = store.members(number)
-        rows = run_members(members.tolist(), store.plan.values(members), store.resolved, store.source, bench, store.own)
+        with component.files_stay():
+            rows = run_members(members.tolist(), store.plan.values(members), store.resolved, store.source, bench, store.own)
         columns = columns_of(rows, len(store.measures))
         write(store.path(number), columns)
     statuses = [int((columns.status == code).sum()) for code in range(int(columns.status.max()) + 1)]
