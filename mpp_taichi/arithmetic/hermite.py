@@ -1,6 +1,6 @@
 """Cubic Hermite interpolation between two samples of a quantity and its rate."""
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -8,7 +8,7 @@ Look = tuple[float, float]  # value, rate
 Values = TypeVar("Values", float, np.ndarray)
 
 
-def cubic(s: Values, span: Values, before: tuple[Values, Values], after: tuple[Values, Values]) -> Values:
+def cubic(s: Values, span: Any, before: tuple[Values, Values], after: tuple[Values, Values]) -> Values:
     """The cubic through both values and both rates, at the part s in 0…1 of the span; good to span⁴/384 times |x⁗|.
 
     Of arrays the cubic of each entry, by NumPy's rules for shapes.

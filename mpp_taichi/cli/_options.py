@@ -50,7 +50,9 @@ def scene_of(arguments: argparse.Namespace) -> "SceneSpec":
 
 def add_member(parser: argparse.ArgumentParser) -> None:
     """--member."""
-    parser.add_argument("--member", type=whole_number, metavar="N", help="of a sweep, whose folder is given in place of a scene")
+    parser.add_argument(
+        "--member", type=whole_number, metavar="N", help="of a sweep, whose folder is given in place of a scene"
+    )
 
 
 def is_sweep(path: str) -> bool:

@@ -54,7 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.dry_run:
             return _tell_cost(store, cost, arguments)
         began = clock.perf_counter()
-        ran = _run(store, arguments)
+        ran = _run(store, cost, arguments)
         results, files = finish(store, done_by_part=arguments.part is not None)
     _report(store, results, files, ran, clock.perf_counter() - began, arguments)
     return 0
@@ -168,7 +168,7 @@ def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> i
     return 0
 
 
-def _run(store: "Store", arguments: argparse.Namespace) -> int:
+def _run(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> int:
     """Run the chunks that are missing; the number of members that were run."""
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.sweep.carrier import Processes
@@ -187,7 +187,7 @@ def _run(store: "Store", arguments: argparse.Namespace) -> int:
     progress = Progress(store, mine, tell)
     with Interruption() as interruption:
         try:
-            Processes(store.folder, workers, 1).carry(mine, progress.done, interruption.raise_if_any)
+            Processes(store.folder, workers, 1, together=cost.together).carry(mine, progress.done, interruption.raise_if_any)
         except BaseException:
             progress.picture()
             tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")

@@ -21,6 +21,8 @@ VIRIDIS = np.array(
     ],
     float,
 )
+FEW = 0.005  # of all numbers, at each end, may be beyond the bar
+FAR = 0.5  # of the range of the others, the distance from which on they are beyond it
 BAR = 1.1  # width of the bar over the height of a letter
 
 
@@ -68,11 +70,19 @@ class Map:
 
     @property
     def extent(self) -> tuple[float, float]:
-        """The least and the largest number."""
+        """The least and the largest number that have a colour of their own.
+
+        A few numbers far from all others would leave one colour to the others: they have the colour of the end of the bar.
+        """
         finite = self.values[np.isfinite(self.values)]
         if not finite.size:
             return 0.0, 1.0
         low, high = float(finite.min()), float(finite.max())
+        most = np.quantile(finite, (FEW, 1.0 - FEW))
+        room = FAR * float(most[1] - most[0])
+        if room > 0.0:
+            low = float(most[0]) if low < most[0] - room else low
+            high = float(most[1]) if high > most[1] + room else high
         return (low, high) if high > low else (low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0))
 
 
@@ -147,6 +157,11 @@ class MapFrame:
                 y = bottom - tick.share * (bottom - top)
                 painter.line((right, y, right + 0.3 * letters, y), theme.faint, letters / 15.0)
                 painter.text(right + 0.5 * letters, y, tick.label, theme.faint, letters)
+        finite = plot.values[np.isfinite(plot.values)]
+        if finite.size and (finite.max() > high or finite.min() < low):
+            beyond = f"{finite.min():.3g} … {finite.max():.3g}"
+            y = bottom + 2.6 * letters
+            painter.text(self.size[0] - 0.6 * letters, y, f"all: {beyond}", theme.faint, letters, "r")
         unit = " ".join(filter(None, (power, plot.unit)))
         painter.text(right, top - 0.9 * letters, unit, theme.faint, letters, "m")
         if np.isnan(plot.values[~plot.unknown]).any():

@@ -4,7 +4,7 @@ import contextlib
 import queue
 import threading
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +20,22 @@ TRIES = 2  # of a chunk whose process has died
 class Processes:
     """Worker processes on this machine."""
 
-    def __init__(self, folder: Path, count: int, threads: int) -> None:
-        """Nothing is started yet; `threads` are those of each process."""
-        self.folder, self.count, self.threads = folder, count, threads
+    def __init__(self, folder: Path, count: int, threads: int, *, together: int = 1) -> None:
+        """Nothing is started yet; `threads` are those of each process, which runs up to `together` chunks in one launch."""
+        self.folder, self.count, self.threads, self.together = folder, count, threads, together
         self._stopped = threading.Event()
         self._lock = threading.Lock()
         self._error: Exception | None = None
+        self._waiting, self._taken = list[int](), 0
 
-    def carry(self, numbers: Iterable[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
+    def carry(self, numbers: Sequence[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
         """Run these chunks; `done` is told of each in this thread, `look` is called again and again and may raise.
 
         Raises:
             WorkerError: a chunk has ended its process twice.
         """
-        waiting, finished = iter(numbers), queue.SimpleQueue[dict[str, Any]]()
-        threads = [threading.Thread(target=self._work, args=(waiting, finished), daemon=True) for _ in range(self.count)]
+        self._waiting, finished = list(numbers), queue.SimpleQueue[dict[str, Any]]()
+        threads = [threading.Thread(target=self._work, args=(finished,), daemon=True) for _ in range(self.count)]
         try:
             for thread in threads:
                 start_thread(thread)
@@ -50,19 +51,26 @@ class Processes:
         if self._error is not None:
             raise self._error
 
-    def _work(self, waiting: Any, finished: "queue.SimpleQueue[dict[str, Any]]") -> None:
+    def _next(self) -> list[int]:
+        """Chunks for one launch: first a single one, soon many, at the end few, so that all processes end at one time."""
+        with self._lock:
+            count = min(self.together, self._taken + 1, -(-len(self._waiting) // (2 * self.count)))
+            taken, self._waiting = self._waiting[:count], self._waiting[count:]
+            self._taken += len(taken)
+            return taken
+
+    def _work(self, finished: "queue.SimpleQueue[dict[str, Any]]") -> None:
         worker: WorkerProcess | None = None
         try:
             while not self._stopped.is_set():
-                with self._lock:
-                    number = next(waiting, None)
-                if number is None:
+                numbers = self._next()
+                if not numbers:
                     break
                 for attempt in range(TRIES):
                     try:
                         worker = worker or WorkerProcess(self.folder, None, self._look, module=MODULE)
-                        asked = {"folder": str(self.folder), "number": number, "threads": self.threads}
-                        finished.put(worker.ask("chunk", LONGEST_SECONDS, **asked))
+                        asked = {"folder": str(self.folder), "numbers": numbers, "threads": self.threads}
+                        finished.put(worker.ask("chunks", LONGEST_SECONDS, **asked))
                         break
                     except WorkerError as error:
                         if worker is not None:
@@ -71,7 +79,7 @@ class Processes:
                         if self._stopped.is_set():
                             return
                         if attempt == TRIES - 1:
-                            raise WorkerError(f"chunk {number} of the sweep: {error}") from error
+                            raise WorkerError(f"chunk {numbers[0]} of the sweep: {error}") from error
                         clock.sleep(LOOK_SECONDS)
         except Exception as error:  # `carry` raises it in its own thread
             self._error = error

@@ -19,6 +19,8 @@ SAMPLE_SECONDS = 1e-3
 """To sample all members of a launch."""
 FEWEST, MOST = 8, 4096
 """Members of a chunk."""
+SIDE_BY_SIDE = 2048
+"""Members in one launch at most."""
 PARTS = 100
 """Chunks of a sweep at least, so that a picture exists after one per cent of the work."""
 ROW_BYTES = 200
@@ -32,10 +34,12 @@ class Cost:
     seconds   of one process for all members
     bytes     of one process
     chunk     members of a chunk
+    together  chunks in one launch: members side by side share the time that a launch and its samples take
     """
 
     members: int
     chunk: int
+    together: int
     seconds: float
     bytes: int
 
@@ -56,4 +60,5 @@ def cost_of(spec: SceneSpec, members: int, particle_count: int, spring_count: in
     chunk = max(FEWEST, min(MOST, int(CHUNK_SECONDS / each), -(-members // PARTS)))
     chunks = -(-members // chunk)
     size = ROW_BYTES * members + chunk * (PARTICLE_BYTES * particle_count + needed.bytes)
-    return Cost(members, chunk, members * each + chunks * launch, size)
+    together = max(1, min(SIDE_BY_SIDE, int(CHUNK_SECONDS / each)) // chunk)
+    return Cost(members, chunk, together, members * each + chunks * launch, size)

@@ -69,9 +69,10 @@ class Gauges:
         self.due[who] = (step // stride + 1) * stride
         for condition, guard in zip(self._stops, self._guards, strict=True):
             values = np.full(len(self.members), sample.time) if isinstance(guard, Clock) else guard.results()
-            for k in who:
-                if self.rows[k] is None and np.isfinite(values[k]) and not holds(condition, values[k], self.precision):
-                    told = f"{label_of(condition, self._setting)} = {values[k]:.6g}, not {bound_text(condition, self.precision, values[k])}"
+            for k in who[np.isfinite(values[who])].tolist():
+                if self.rows[k] is None and not holds(condition, values[k], self.precision):
+                    bound = bound_text(condition, self.precision, values[k])
+                    told = f"{label_of(condition, self._setting)} = {values[k]:.6g}, not {bound}"
                     self.end(k, sample.time, step, status=STOPPED, reason=told)
 
     def end(self, k: int, time: float, step: int, *, status: str = OK, particle: int = -1, reason: str = "") -> None:
@@ -87,7 +88,9 @@ class Gauges:
             for measure, value in zip(self._measures, values, strict=True):
                 if _is_bounded(measure) and not (np.isfinite(value) and holds(measure, value, self.precision)):
                     status = BROKEN
-                    reason = f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
+                    reason = (
+                        f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
+                    )
                     break
         self.rows[k] = Row(self.members[k].number, status, values, time, step, particle, reason)
 

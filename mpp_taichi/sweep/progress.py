@@ -31,7 +31,7 @@ class Progress:
 
     def done(self, answer: dict[str, Any]) -> None:
         """A chunk is done."""
-        self._done += 1
+        self._done += len(answer["numbers"])
         self.members += sum(answer["statuses"])
         self._others += sum(number for word, number in zip(STATUSES, answer["statuses"]) if word not in ("ok", "stopped"))
         now = clock.monotonic()

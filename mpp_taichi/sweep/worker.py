@@ -1,9 +1,10 @@
 """Worker: runs chunks of a sweep in a process of its own; `python -m mpp_taichi.sweep.worker` answers lines."""
 
 import logging
-import time as clock
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.compare.answering import answer_lines
@@ -16,29 +17,33 @@ _stores: dict[str, Store] = {}
 _benches: dict[Device, Bench] = {}
 
 
-def do_chunk(folder: str, number: int, threads: int | None = 1) -> dict[str, Any]:
-    """Run a chunk, unless it is done, and write it; the counts of its rows by status, and the seconds that it took."""
+def do_chunks(folder: str, numbers: list[int], threads: int | None = 1) -> dict[str, Any]:
+    """Run chunks together, those that are not done, and write each; the counts of their rows by status."""
     store = _stores.get(folder) or _stores.setdefault(folder, opened(Path(folder)))
-    began = clock.perf_counter()
-    columns = store.columns(number)
-    if columns is None:
+    found = {number: store.columns(number) for number in numbers}
+    missing = [number for number, columns in found.items() if columns is None]
+    if missing:
         device = Device(store.device["backend"], store.device["precision"], threads)
         bench = _benches.get(device) or _benches.setdefault(device, Bench(device))
-        members = store.members(number)
+        members = np.concatenate([store.members(number) for number in missing])
         with component.files_stay():
             rows = run_members(members.tolist(), store.plan.values(members), store.resolved, store.source, bench, store.own)
-        columns = columns_of(rows, len(store.measures))
-        write(store.path(number), columns)
-    statuses = [int((columns.status == code).sum()) for code in range(int(columns.status.max()) + 1)]
-    return {"number": number, "statuses": statuses, "seconds": clock.perf_counter() - began}
+        begin = 0
+        for number in missing:
+            end = begin + len(store.members(number))
+            columns = columns_of(rows[begin:end], len(store.measures))
+            write(store.path(number), columns)
+            found[number], begin = columns, end
+    statuses = np.concatenate([columns.status for columns in found.values() if columns is not None])
+    return {"numbers": numbers, "statuses": np.bincount(statuses).tolist()}
 
 
 def main() -> None:
-    """Answer lines `{"do": "chunk", "folder": …, "number": …, "threads": …}` until standard input ends."""
+    """Answer lines `{"do": "chunks", "folder": …, "numbers": …, "threads": …}` until standard input ends."""
     logging.getLogger("mpp_taichi").setLevel(logging.ERROR)  # the same warning of each member
 
     def answer(line: dict[str, Any]) -> dict[str, Any]:
-        return do_chunk(line["folder"], line["number"], line["threads"])
+        return do_chunks(line["folder"], line["numbers"], line["threads"])
 
     answer_lines(answer)
 

@@ -31,7 +31,9 @@ def test_options_make_the_sweep_of_a_scene_without_one(scene, capsys):
     assert found["members"] == 5 and found["measures"] == ["position", "end_time"] and found["statuses"] == {"ok": 5}
     lines = Path(found["folder"], "members.csv").read_text().splitlines()
     # A free ball is at x = v t: 4, 6, … 12, which need no rounding.
-    assert [line.split(",")[:4] for line in lines[1:]] == [[str(k), repr(1 + k / 2), repr(4.0 + 2 * k), "4.0"] for k in range(5)]
+    assert [line.split(",")[:4] for line in lines[1:]] == [
+        [str(k), repr(1 + k / 2), repr(4.0 + 2 * k), "4.0"] for k in range(5)
+    ]
     assert all(Path(file).is_file() for file in found["files"])
 
 

@@ -46,7 +46,12 @@ VARIED = {
     "masses": {"constants.mass": {"from": 0.5, "to": 2, "count": 7}},
     "strengths": {"forces.newtonian_gravity.strength": {"from": 0.5, "to": 2, "count": 7}},
     "steps": {"integrator.leapfrog.dt": [0.01, 0.02, 0.005]},
-    "all": {"constants.speed": [0.7, 1.1], "constants.mass": [1, 2], "constants.G": [1, 1.5], "integrator.leapfrog.dt": [0.01, 0.02]},
+    "all": {
+        "constants.speed": [0.7, 1.1],
+        "constants.mass": [1, 2],
+        "constants.G": [1, 1.5],
+        "integrator.leapfrog.dt": [0.01, 0.02],
+    },
 }
 MEASURES = [
     {"position": {"of": "planet", "axis": "x"}},
@@ -161,7 +166,10 @@ def test_a_member_that_the_scene_refuses_is_a_row():
 
 def test_members_of_other_structures_run_in_one_sweep():
     scene = {**KEPLER, "constants": {**KEPLER["constants"], "count": 2}}
-    scene["particles"] = [*KEPLER["particles"], {"ring": {"count": "count", "around": "star", "inner_radius": 8, "outer_radius": 9}}]
+    scene["particles"] = [
+        *KEPLER["particles"],
+        {"ring": {"count": "count", "around": "star", "inner_radius": 8, "outer_radius": 9}},
+    ]
     rows = rows_of(sweep(scene, vary={"constants.count": [3, 5]}, measure=[DISTANCE]))
     assert [row.status for row in rows] == ["ok"] * 2, [row.reason for row in rows]
     # The ring has no mass, so that both are the same orbit; the sum of forces has other roundings, of 1.1e-16 in 500 steps.
@@ -183,7 +191,10 @@ def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
     for row, values in zip(rows_of(store), store.plan.values(range(3))):
         with Simulation(GAS, backend="cpu", overrides=values) as simulation:
             simulation.run()
-            assert row.status == "ok" and row.values[0] == simulation.contact_report.pair_count + simulation.contact_report.wall_count > 0
+            assert (
+                row.status == "ok"
+                and row.values[0] == simulation.contact_report.pair_count + simulation.contact_report.wall_count > 0
+            )
             assert row.values[1] == simulation.diagnostics()["kinetic_energy"]
 
 
