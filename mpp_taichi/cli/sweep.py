@@ -21,7 +21,7 @@ from mpp_taichi.precision import PRECISIONS
 if TYPE_CHECKING:
     from mpp_taichi.sweep.cost import Cost
     from mpp_taichi.sweep.results import SweepResults
-    from mpp_taichi.sweep.store import Store
+    from mpp_taichi.sweep.store import SweepStore
 
 MOST_WORKERS = 64
 
@@ -60,14 +60,14 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _store(arguments: argparse.Namespace) -> "tuple[Store, Cost]":
+def _store(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     """The sweep that is asked for, as its folder holds it, or a new one."""
     from mpp_taichi.errors import StateError
     from mpp_taichi.scene.load import load_resolved
     from mpp_taichi.start.assemble import assemble
     from mpp_taichi.sweep.cost import cost_of
     from mpp_taichi.sweep.plan import Plan
-    from mpp_taichi.sweep.store import SUFFIX, Store, opened
+    from mpp_taichi.sweep.store import SUFFIX, SweepStore, opened
 
     resolved, source = _resolved(arguments)
     spec = load_resolved(resolved, source)
@@ -83,7 +83,7 @@ def _store(arguments: argparse.Namespace) -> "tuple[Store, Cost]":
     cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
     precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
     folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
-    store = Store(
+    store = SweepStore(
         folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk
     )
     if not arguments.fresh and not arguments.dry_run:
@@ -92,7 +92,7 @@ def _store(arguments: argparse.Namespace) -> "tuple[Store, Cost]":
         except StateError:
             before = None
         if before is not None and before.known == store.known and before.plan.count == store.plan.count and not arguments.chunk:
-            store = Store(folder, resolved, source, store.device, before.chunk)
+            store = SweepStore(folder, resolved, source, store.device, before.chunk)
     return store, cost
 
 
@@ -137,7 +137,7 @@ def check_paths(resolved: dict[str, Any], source: str, spec: Any) -> None:
         raise first
 
 
-def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> int:
+def _tell_cost(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> int:
     from mpp_taichi.sweep.structure import why_alone
 
     workers = _workers(arguments)
@@ -168,7 +168,7 @@ def _tell_cost(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> i
     return 0
 
 
-def _run(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> int:
+def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> int:
     """Run the chunks that are missing; the number of members that were run."""
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.sweep.carrier import Processes
@@ -195,7 +195,7 @@ def _run(store: "Store", cost: "Cost", arguments: argparse.Namespace) -> int:
     return progress.members
 
 
-def finish(store: "Store", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
+def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
     """Write the table and the pictures of what is done."""
     from mpp_taichi.sweep.picture import draw
     from mpp_taichi.sweep.results import SweepResults
@@ -212,7 +212,7 @@ def finish(store: "Store", *, done_by_part: bool) -> "tuple[SweepResults, list[P
 
 
 def _report(
-    store: "Store", results: "SweepResults", files: list[Path], ran: int, seconds: float, arguments: argparse.Namespace
+    store: "SweepStore", results: "SweepResults", files: list[Path], ran: int, seconds: float, arguments: argparse.Namespace
 ) -> None:
     counts = results.counts()
     if arguments.json:

@@ -23,7 +23,8 @@ class Distance(OfEach):
     point: Vector = param(None, optional=True, unit="length", help="the other end of the distance: a point")
     between: Pair = param(None, optional=True, help="two particles, in place of `of` and `to`")
     dimension = (1, 0, 0)
-    has_rate = takes_many = True
+    has_rate = True
+    takes_many = True
 
     def begin(self, setting: Setting) -> None:
         """Check that there is one place to measure from."""

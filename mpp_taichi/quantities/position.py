@@ -14,7 +14,8 @@ class Position(OfEach):
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
     axis: str = param(choices=("x", "y", "z"), help="the coordinate")
     dimension = (1, 0, 0)
-    has_rate = takes_many = True
+    has_rate = True
+    takes_many = True
 
     def label(self, setting: Setting) -> str:
         """`z of planet`."""

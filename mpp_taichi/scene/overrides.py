@@ -133,7 +133,7 @@ def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: 
         step, rest = named[0], (text, *rest)
         text = str(step)
     elif not named and rest and len(called := list(_called(text, entries))) == 1:
-        step, rest = called[0][0], (called[0][1], *rest)
+        step, rest = called[0][0], rest if rest[0] == called[0][1] else (called[0][1], *rest)
         text = str(step)
     index = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1
     if index == len(entries) and adding:

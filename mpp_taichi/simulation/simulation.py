@@ -209,12 +209,8 @@ class Simulation:
 
     @in_turn
     def place_replicas(self, starts: Sequence[Snapshot], scenes: Sequence[SceneSpec] = ()) -> None:
-        """Go back to the time of the start, each replica to a start of its own: as many as there are replicas.
-
-        Each may have a scene of its own, which differs in the `live` parameters of its forces.
-        """
+        """Go back to the time of the start, each replica to a start of its own, with the `live` parameters of its own scene."""
         self._runner.place_replicas(tuple(starts), scenes or [self.spec] * len(starts))
-        self.judge.restart()
 
     @in_turn
     def mark(self, *, whole: bool = True) -> Mark:
@@ -333,10 +329,7 @@ class Simulation:
     # Scene and phases
 
     phase_number = property(attrgetter("_runner.number"), doc="Number of the present phase.")
-    time_to_next_phase = property(
-        attrgetter("_runner.time_to_next_phase"),
-        doc="Time until the timeline changes something, or infinity.",
-    )
+    time_to_next_phase = property(attrgetter("_runner.time_to_next_phase"), doc="Time until the timeline changes something.")
     state = property(attrgetter("phase.state"), doc="The fields of the particles.")
     total_force = property(attrgetter("phase.total_force"), doc="The sum of the forces.")
     integrator = property(attrgetter("phase.integrator"), doc="The method.")
@@ -370,7 +363,6 @@ class Simulation:
     contacts = property(attrgetter("phase.contacts"), doc="The contact solver, where the scene has contacts.")
     phase_work = property(attrgetter("_accounts.phase_work"), doc="Energy that each change of the scene has put in [energy].")
     phase_energy = property(attrgetter("_accounts.phase_energy"), doc="Total energy after the last change; None before it.")
-
     energy_balance = property(attrgetter("_accounts.energy_balance"), doc="Dissipated energy and work, where they are kept.")
     solver_report = property(attrgetter("_accounts.solver_report"), doc="Counts of the solver of implicit steps.")
     contact_report = property(attrgetter("_accounts.contact_report"), doc="Counts of the contacts.")

@@ -258,9 +258,8 @@ class State:
 
     def write_properties(self, starts: Sequence[Snapshot]) -> None:
         """Set the masses and charges of each replica from a snapshot of its own."""
-        names = [name for name in ("mass", "charge") if name in self.quantities]
-        columns = {name: np.concatenate([getattr(each, name) for each in starts]) for name in names}
-        self._write({part: values for name in names for part, values in self._parts(name, columns[name]).items()})
+        columns = {n: np.concatenate([getattr(s, n) for s in starts]) for n in ("mass", "charge") if n in self.quantities}
+        self._write({part: values for name in columns for part, values in self._parts(name, columns[name]).items()})
         self._mass = np.stack([each.mass for each in starts])
 
     def pass_time(self, steps: int, dt: float) -> None:
@@ -358,7 +357,7 @@ class State:
         return results[0], results[1]
 
     def read_replicas(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities of all replicas in the frame of the scene, (replica_count, particle_count, 3)."""
+        """Positions and velocities of all replicas, (replica_count, particle_count, 3)."""
         results = np.zeros((2, self.total_count, 3))
         for number, values in enumerate(self._read(*self._moved)):
             results[number % 2, :, : self.dimensions] += values

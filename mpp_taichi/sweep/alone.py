@@ -10,8 +10,8 @@ from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.timeline import step_count
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.sweep.gauges import Gauges, stride_of
-from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, Row
-from mpp_taichi.sweep.replicas import Bench, Copies
+from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow
+from mpp_taichi.sweep.replicas import Bench, MemberParticles
 
 
 class _Ended(Exception):
@@ -27,10 +27,10 @@ class AloneSample:
         self.time = self._sample.time
 
     @cached_property
-    def snapshot(self) -> Copies:
+    def snapshot(self) -> MemberParticles:
         """The particles, as arrays with one entry."""
         found = self._sample.snapshot
-        return Copies(found.position[None], found.velocity[None], found.mass[None])
+        return MemberParticles(found.position[None], found.velocity[None], found.mass[None])
 
     @cached_property
     def potential_energy(self) -> np.ndarray:
@@ -67,7 +67,7 @@ class _Looker:
             self.gauges.look(AloneSample(simulation), np.array([0]), simulation.step_count, simulation.dt)
 
 
-def run_alone(member: Member, bench: Bench) -> Row:
+def run_alone(member: Member, bench: Bench) -> MemberRow:
     """The row of a member."""
     spec, device = member.spec, bench.device
     assert spec.sweep is not None
@@ -75,7 +75,7 @@ def run_alone(member: Member, bench: Bench) -> Row:
     try:
         simulation = Simulation(spec, backend=device.backend, precision=device.precision, threads=device.threads)
     except MppError as error:
-        return Row(member.number, REFUSED, nothing, reason=_line(error))
+        return MemberRow(member.number, REFUSED, nothing, reason=_line(error))
     with simulation:
         total = spec.run.steps if spec.run.duration is None else step_count(spec, spec.run.duration)
         gauges = Gauges([member], stride_of(spec.run, total or 0), simulation.device.precision)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mpp_taichi.atomic_file import reason
 from mpp_taichi.errors import OutputError
-from mpp_taichi.sweep.member import STATUSES, Row
+from mpp_taichi.sweep.member import STATUSES, MemberRow
 
 DIGITS = 24  # of the digest in a name
 SUFFIX = ".npz"
@@ -39,7 +39,7 @@ def name_of(known: Mapping[str, Any], values: Sequence[Mapping[str, Any]], numbe
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS] + SUFFIX
 
 
-def columns_of(rows: Sequence[Row], measures: int) -> Columns:
+def columns_of(rows: Sequence[MemberRow], measures: int) -> Columns:
     """The columns; a member without values, which was refused, has NaN."""
     values = np.full((len(rows), measures), np.nan)
     for k, row in enumerate(rows):

@@ -14,8 +14,18 @@ from mpp_taichi.quantities._base import NoResultError, Quantity, Setting
 from mpp_taichi.report.expectations import bound_text, diagnostic_of, holds, label_of
 from mpp_taichi.scene.expectations import kind_of, reduction_keys
 from mpp_taichi.scene.spec import Expectation, RunSpec
-from mpp_taichi.sweep.member import BROKEN, OK, STOPPED, Member, Row
-from mpp_taichi.sweep.reductions import AtEnd, AtTime, Clock, Each, EnergyError, Extreme, Mean, Reduction
+from mpp_taichi.sweep.member import BROKEN, OK, STOPPED, Member, MemberRow
+from mpp_taichi.sweep.reductions import (
+    EnergyErrors,
+    Extremes,
+    KnownAtEnd,
+    LastValues,
+    ManyResults,
+    Means,
+    OneByOne,
+    Undefined,
+    ValuesAtTime,
+)
 
 SAMPLES = 200  # of a run at least, unless the scene says how many
 CLOCK = ("end_time", "time", "steps")
@@ -51,7 +61,7 @@ class Gauges:
         self._gauges = [_reduction(each, members, settings) for each in self._measures]
         self._guards = [_reduction(each, members, settings) for each in self._stops]
         self.due = np.zeros(len(members), np.int64)
-        self.rows: list[Row | None] = [None] * len(members)
+        self.rows: list[MemberRow | None] = [None] * len(members)
 
     @property
     def active(self) -> np.ndarray:
@@ -68,7 +78,8 @@ class Gauges:
         stride = np.minimum(self.stride, below(shortest / dt))
         self.due[who] = (step // stride + 1) * stride
         for condition, guard in zip(self._stops, self._guards, strict=True):
-            values = np.full(len(self.members), sample.time) if isinstance(guard, Clock) else guard.results()
+            is_time = condition.quantity in CLOCK
+            values = np.full(len(self.members), sample.time) if is_time else guard.results()
             for k in who[np.isfinite(values[who])].tolist():
                 if self.rows[k] is None and not holds(condition, values[k], self.precision):
                     bound = bound_text(condition, self.precision, values[k])
@@ -81,7 +92,7 @@ class Gauges:
             gauge.finish(k)
         ends = {"steps": float(step)}
         values = [
-            ends.get(measure.quantity, time) if isinstance(gauge, Clock) else float(gauge.results()[k])
+            ends.get(measure.quantity, time) if measure.quantity in CLOCK else float(gauge.results()[k])
             for measure, gauge in zip(self._measures, self._gauges, strict=True)
         ]
         if status == OK:
@@ -92,7 +103,7 @@ class Gauges:
                         f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
                     )
                     break
-        self.rows[k] = Row(self.members[k].number, status, values, time, step, particle, reason)
+        self.rows[k] = MemberRow(self.members[k].number, status, values, time, step, particle, reason)
 
     def end_all(self, time: float, step: int) -> None:
         """All members that are left have reached the end of the run, and had their last sample then."""
@@ -100,13 +111,13 @@ class Gauges:
             self.end(int(k), time, step)
 
 
-def _reduction(measure: Expectation, members: Sequence[Member], settings: Sequence[Setting]) -> Reduction:
+def _reduction(measure: Expectation, members: Sequence[Member], settings: Sequence[Setting]) -> ManyResults:
     """The reduction of a measure, in arrays where the quantity can be measured so."""
     count, name = len(members), measure.quantity
     if name in CLOCK:
-        return Clock(count)
+        return KnownAtEnd(count)
     if name == "relative_energy_error_max":
-        return EnergyError(count)
+        return EnergyErrors(count)
     if kind_of(name) == "quantities":
         given = dict(measure.parameters)
         keys = {key: given.pop(key, default) for key, default in reduction_keys(name).items()}
@@ -115,9 +126,9 @@ def _reduction(measure: Expectation, members: Sequence[Member], settings: Sequen
             try:
                 quantity.begin(settings[0])
             except NoResultError:
-                return Clock(count)
+                return Undefined(count)
             return _in_arrays(count, quantity, **keys)
-    return Each([diagnostic_of(measure) for _ in members], settings)
+    return OneByOne([diagnostic_of(measure) for _ in members], settings)
 
 
 def _in_arrays(
@@ -128,14 +139,14 @@ def _in_arrays(
     at: float | None = None,
     after: float | None = None,
     until: float | None = None,
-) -> Reduction:
+) -> ManyResults:
     if at is not None:
-        return AtTime(count, quantity, at) if quantity.has_rate else AtEnd(count, quantity, until=at)
+        return ValuesAtTime(count, quantity, at) if quantity.has_rate else LastValues(count, quantity, until=at)
     if when == "end":
-        return AtEnd(count, quantity, until=until)
+        return LastValues(count, quantity, until=until)
     if when == "mean":
-        return Mean(count, quantity, after=after, until=until)
-    return Extreme(count, quantity, largest=when == "largest", after=after, until=until)
+        return Means(count, quantity, after=after, until=until)
+    return Extremes(count, quantity, largest=when == "largest", after=after, until=until)
 
 
 def _is_bounded(measure: Expectation) -> bool:

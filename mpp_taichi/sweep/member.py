@@ -34,7 +34,7 @@ class Member:
 
 
 @dataclass(eq=False)
-class Row:
+class MemberRow:
     """The results of a member.
 
     values     one for each measure; NaN where the measure is not defined
@@ -76,13 +76,13 @@ def whole_scene(resolved: Mapping[str, Any], source: str, values: Mapping[str, A
     return replace(spec, title=f"{spec.title}: {told}" if spec.title else told)
 
 
-def made(number: int, resolved: Mapping[str, Any], source: str, values: Mapping[str, Any]) -> Member | Row:
+def made(number: int, resolved: Mapping[str, Any], source: str, values: Mapping[str, Any]) -> Member | MemberRow:
     """The member, or its row where it is refused."""
     try:
         spec = scene_of(resolved, source, values)
         return Member(number, spec, assemble(spec))
     except MppError as error:
-        return Row(number, REFUSED, reason=_line(error))
+        return MemberRow(number, REFUSED, reason=_line(error))
 
 
 def _line(error: Exception) -> str:

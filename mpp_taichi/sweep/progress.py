@@ -9,7 +9,7 @@ from mpp_taichi.errors import MppError
 from mpp_taichi.sweep.member import STATUSES
 from mpp_taichi.sweep.picture import draw
 from mpp_taichi.sweep.results import SweepResults
-from mpp_taichi.sweep.store import Store
+from mpp_taichi.sweep.store import SweepStore
 
 TOLD_SECONDS = 2.0
 PICTURE_SHARE = 0.01  # of the time, which pictures of a part may take
@@ -19,7 +19,7 @@ FIRST_PICTURE = 0.01  # of the chunks
 class Progress:
     """Counts the chunks that are done; `members` is the number of members run so far."""
 
-    def __init__(self, store: Store, numbers: Sequence[int], tell: Callable[[str], None]) -> None:
+    def __init__(self, store: SweepStore, numbers: Sequence[int], tell: Callable[[str], None]) -> None:
         """`numbers` are the chunks of this call."""
         self.store, self.tell = store, tell
         self._count, self._done, self.members = len(numbers), 0, 0

@@ -18,14 +18,14 @@ from mpp_taichi.energy.mechanics import kinetic_of_copies
 from mpp_taichi.quantities._base import NoResultError, Quantity, Setting
 
 
-class Reduction(ABC):
+class ManyResults(ABC):
     """A number of each member, found from its samples.
 
     interval   longest time until the next sample of each member [time]
     """
 
-    def __init__(self, count: int) -> None:
-        """There are no samples yet."""
+    def expect(self, count: int) -> None:
+        """There are so many members, and no samples yet."""
         self.count = count
         self.interval = np.full(count, np.inf)
 
@@ -41,8 +41,12 @@ class Reduction(ABC):
         """The numbers so far, (members,); NaN where there is none."""
 
 
-class Clock(Reduction):
+class KnownAtEnd(ManyResults):
     """A number that only the end of a member tells; it asks for no samples."""
+
+    def __init__(self, count: int) -> None:
+        """Nothing is measured."""
+        self.expect(count)
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
         """Nothing."""
@@ -52,12 +56,27 @@ class Clock(Reduction):
         return np.full(self.count, np.nan)
 
 
-class AtEnd(Reduction):
+class Undefined(ManyResults):
+    """A quantity that is not defined for these scenes."""
+
+    def __init__(self, count: int) -> None:
+        """Nothing is measured."""
+        self.expect(count)
+
+    def observe(self, sample: Any, who: np.ndarray) -> None:
+        """Nothing."""
+
+    def results(self) -> np.ndarray:
+        """No numbers."""
+        return np.full(self.count, np.nan)
+
+
+class LastValues(ManyResults):
     """The value in the last sample, or in the first from `until` on."""
 
     def __init__(self, count: int, quantity: Quantity, until: float | None = None) -> None:
         """There are no samples yet."""
-        super().__init__(count)
+        self.expect(count)
         self.quantity, self.until = quantity, until
         self._values = np.full(count, np.nan)
         self._is_over = np.zeros(count, bool)
@@ -76,14 +95,14 @@ class AtEnd(Reduction):
         return self._values if self.until is None else np.where(self._is_over, self._values, np.nan)
 
 
-class Extreme(Reduction):
+class Extremes(ManyResults):
     """The largest or smallest value between two times; where the rate is known also of the cubics between the samples."""
 
     def __init__(
         self, count: int, quantity: Quantity, *, largest: bool, after: float | None = None, until: float | None = None
     ) -> None:
         """There are no samples yet."""
-        super().__init__(count)
+        self.expect(count)
         self.quantity, self._after, self._until = quantity, after, until
         self._sign = -1.0 if largest else 1.0
         self._smallest = np.full(count, np.inf)
@@ -150,12 +169,12 @@ class Extreme(Reduction):
         return found if self._until is None else np.where(self._is_over, found, np.nan)
 
 
-class Mean(Reduction):
+class Means(ManyResults):
     """The mean over time between two times, by the trapezoidal rule."""
 
     def __init__(self, count: int, quantity: Quantity, *, after: float | None = None, until: float | None = None) -> None:
         """There are no samples yet."""
-        super().__init__(count)
+        self.expect(count)
         self.quantity, self._after, self._until = quantity, after, until
         self._area, self._begin, self._time, self._value = (
             np.zeros(count),
@@ -192,12 +211,12 @@ class Mean(Reduction):
         return found if self._until is None else np.where(self._is_over, found, np.nan)
 
 
-class AtTime(Reduction):
+class ValuesAtTime(ManyResults):
     """A quantity with a known rate at a time: on the cubic through values and rates of the samples around it (Hermite)."""
 
     def __init__(self, count: int, quantity: Quantity, at: float) -> None:
         """There are no samples yet."""
-        super().__init__(count)
+        self.expect(count)
         self.quantity, self.at = quantity, at
         self._samples = np.full((2, 3, count), np.nan)  # before and after; time, value, rate
 
@@ -222,12 +241,12 @@ class AtTime(Reduction):
         return np.where(self.at <= end * (1.0 + ROUNDING), found, np.nan)
 
 
-class EnergyError(Reduction):
+class EnergyErrors(ManyResults):
     """The largest |E − E₀| / |E₀| of each member; see `energy.energy_error`."""
 
     def __init__(self, count: int) -> None:
         """There are no samples yet."""
-        super().__init__(count)
+        self.expect(count)
         self._start, self._turned, self._largest = np.full(count, np.nan), np.zeros(count), np.zeros(count)
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
@@ -247,12 +266,12 @@ class EnergyError(Reduction):
         return np.where(np.isnan(self._start), np.nan, self._largest)
 
 
-class Each(Reduction):
+class OneByOne(ManyResults):
     """A diagnostic for each member, for quantities that measure one copy at a time."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic], settings: Sequence[Setting]) -> None:
         """Prepare each for its own scene."""
-        super().__init__(len(diagnostics))
+        self.expect(len(diagnostics))
         self._diagnostics, self._failed = list(diagnostics), np.zeros(len(diagnostics), bool)
         for number, setting in enumerate(settings):
             self._try(number, lambda diagnostic, setting=setting: diagnostic.begin(setting))

@@ -13,13 +13,13 @@ from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.sweep.gauges import Gauges, stride_of
-from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, Row
+from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, MemberRow
 
 KEPT = 4  # simulations whose kernels are kept for the next chunk
 
 
 @dataclass(frozen=True)
-class Device:
+class MemberDevice:
     """Where members run."""
 
     backend: str
@@ -30,7 +30,7 @@ class Device:
 class Bench:
     """Simulations of this process, by the step that they have compiled and the number of replicas."""
 
-    def __init__(self, device: Device, look: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, device: MemberDevice, look: Callable[[], None] = lambda: None) -> None:
         """`look` is called between launches and may raise."""
         self.device, self.look = device, look
         self._kept: OrderedDict[Hashable, Simulation] = OrderedDict()
@@ -65,7 +65,7 @@ class Bench:
 
 
 @dataclass(frozen=True, eq=False)
-class Copies:
+class MemberParticles:
     """The particles of several members, with an entry for each: position, velocity (members, n, 3) and mass (members, n)."""
 
     position: np.ndarray
@@ -73,7 +73,7 @@ class Copies:
     mass: np.ndarray
 
 
-class Moment:
+class MemberMoment:
     """All members at one step; what is asked for is read from the device once."""
 
     def __init__(self, simulation: Simulation, members: Sequence[Member], mass: np.ndarray) -> None:
@@ -106,15 +106,15 @@ class Moment:
 class MemberSamples:
     """Some members at one moment, as `Quantity.measure_many` takes them; `one` is the sample of a single member."""
 
-    def __init__(self, moment: Moment, who: np.ndarray) -> None:
+    def __init__(self, moment: MemberMoment, who: np.ndarray) -> None:
         """Nothing is read from the device before a quantity asks for it."""
         self._moment, self._who, self.time = moment, who, moment.time
 
     @cached_property
-    def snapshot(self) -> Copies:
+    def snapshot(self) -> MemberParticles:
         """The particles."""
         position, velocity = self._moment.vectors
-        return Copies(position[self._who], velocity[self._who], self._moment.mass[self._who])
+        return MemberParticles(position[self._who], velocity[self._who], self._moment.mass[self._who])
 
     @cached_property
     def potential_energy(self) -> np.ndarray:
@@ -132,7 +132,7 @@ class ReplicaSample:
     phase_number = 0
     phase_energy = None
 
-    def __init__(self, moment: Moment, member: Member, replica: int) -> None:
+    def __init__(self, moment: MemberMoment, member: Member, replica: int) -> None:
         """Nothing is read from the device before a quantity asks for it."""
         self._moment, self._member, self._replica = moment, member, replica
         self.time, self.gravity, self.contact_report = moment.time, member.spec.gravity, ContactReport()
@@ -155,7 +155,7 @@ class ReplicaSample:
         raise NotImplementedError("quantities that need accelerations are measured of members that run alone")
 
 
-def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[Row]:
+def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[MemberRow]:
     """The rows of members with the same structure, in their order.
 
     Each member has the bits that it has by itself: its steps, its samples and its end follow from its own motion alone.
@@ -166,7 +166,7 @@ def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list
         total, rest = _length(simulation)
         simulation.check_step(total)
     except MppError as error:
-        return [Row(each.number, REFUSED, _nothing(each), reason=_line(error)) for each in members]
+        return [MemberRow(each.number, REFUSED, _nothing(each), reason=_line(error)) for each in members]
     gauges = Gauges(members, stride_of(spec.run, total), simulation.device.precision)
     looks = _Looks(simulation, members, gauges)
     step = 0
@@ -197,7 +197,7 @@ class _Looks:
         who = self.gauges.active
         if not everybody:
             who = who[self.gauges.due[who] <= step]
-        moment = Moment(self.simulation, self.members, self._mass)
+        moment = MemberMoment(self.simulation, self.members, self._mass)
         broken, stalled = moment.broken, self._stalled()
         for k in who[(broken[who] >= 0) | stalled[who]].tolist():
             if broken[k] >= 0:

@@ -12,7 +12,7 @@ from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.human_units import unit_of
 from mpp_taichi.sweep.chunk import Columns
 from mpp_taichi.sweep.member import STATUSES, whole_scene
-from mpp_taichi.sweep.store import Store, opened
+from mpp_taichi.sweep.store import opened
 
 MISSING = -1
 """Status of a member whose chunk is not done."""

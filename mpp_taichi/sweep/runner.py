@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from mpp_taichi.sweep.alone import run_alone
-from mpp_taichi.sweep.member import Member, Row, made
+from mpp_taichi.sweep.member import Member, MemberRow, made
 from mpp_taichi.sweep.replicas import Bench, run_together
 from mpp_taichi.sweep.structure import Own, key_of, why_alone, with_own
 
@@ -17,16 +17,16 @@ def run_members(
     source: str,
     bench: Bench,
     own: Own = frozenset(),
-) -> list[Row]:
+) -> list[MemberRow]:
     """The rows of members of a scene, in the order of `numbers`; each has its `values`, path → value.
 
     `own` are the parameters of forces that vary in the sweep, so that they are loaded from a field in all chunks alike.
     """
-    rows: dict[int, Row] = {}
+    rows: dict[int, MemberRow] = {}
     groups: dict[Hashable, list[Member]] = {}
     for number, given in zip(numbers, values, strict=True):
         member = made(number, resolved, source, given)
-        if isinstance(member, Row):
+        if isinstance(member, MemberRow):
             rows[number] = member
         elif why_alone(member.spec):
             rows[number] = run_alone(member, bench)

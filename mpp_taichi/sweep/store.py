@@ -1,4 +1,4 @@
-"""Store: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows of those that are done."""
+"""SweepStore: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows of those that are done."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -32,7 +32,7 @@ SUFFIX = ".sweep"
 
 
 @dataclass(frozen=True, eq=False)
-class Store:
+class SweepStore:
     """A sweep with its folder.
 
     device   backend and precision of all members, as plain values
@@ -134,7 +134,7 @@ class Store:
         whole_text(self.folder / FILE, json.dumps(facts, indent=1), "the description of the sweep")
 
 
-def opened(folder: Path) -> Store:
+def opened(folder: Path) -> SweepStore:
     """The sweep of a folder.
 
     Raises:
@@ -149,4 +149,4 @@ def opened(folder: Path) -> Store:
         raise StateError(f"{path}: cannot be read: {error}") from None
     if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise StateError(f"{path}: is no description of a sweep of format {FORMAT}")
-    return Store(folder, facts["scene"], facts["source"], facts["device"], int(facts["chunk"]))
+    return SweepStore(folder, facts["scene"], facts["source"], facts["device"], int(facts["chunk"]))

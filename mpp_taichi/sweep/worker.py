@@ -9,12 +9,12 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.compare.answering import answer_lines
 from mpp_taichi.sweep.chunk import columns_of, write
-from mpp_taichi.sweep.replicas import Bench, Device
+from mpp_taichi.sweep.replicas import Bench, MemberDevice
 from mpp_taichi.sweep.runner import run_members
-from mpp_taichi.sweep.store import Store, opened
+from mpp_taichi.sweep.store import SweepStore, opened
 
-_stores: dict[str, Store] = {}
-_benches: dict[Device, Bench] = {}
+_stores: dict[str, SweepStore] = {}
+_benches: dict[MemberDevice, Bench] = {}
 
 
 def do_chunks(folder: str, numbers: list[int], threads: int | None = 1) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def do_chunks(folder: str, numbers: list[int], threads: int | None = 1) -> dict[
     found = {number: store.columns(number) for number in numbers}
     missing = [number for number, columns in found.items() if columns is None]
     if missing:
-        device = Device(store.device["backend"], store.device["precision"], threads)
+        device = MemberDevice(store.device["backend"], store.device["precision"], threads)
         bench = _benches.get(device) or _benches.setdefault(device, Bench(device))
         members = np.concatenate([store.members(number) for number in missing])
         with component.files_stay():

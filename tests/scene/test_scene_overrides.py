@@ -97,7 +97,7 @@ def test_an_override_is_split_at_its_first_equals_sign():
         ("constants.other=1", "+constants.other=… adds it"),
         ("expect.steps.near=1", "unknown key 'steps' in expect"),
         ("particles[2].body.mass=1", "particles has no entry '2', allowed: 0 to 1"),
-        ("particles.a.body.mass=1", "particles has no entry 'a'"),
+        ("particles.x.body.mass=1", "particles has no entry 'x'"),
         ("particles[0].ring.mass=1", "unknown key 'ring' in particles[0]"),
         ("title.x=1", "title is 'Base' and has no 'x'"),
         ("rnu=1", "unknown key 'rnu', did you mean 'run'?"),

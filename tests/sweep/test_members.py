@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, load_scene
-from mpp_taichi.sweep.replicas import Bench, Device
+from mpp_taichi.sweep.replicas import Bench, MemberDevice
 from mpp_taichi.sweep.runner import run_members
-from mpp_taichi.sweep.store import Store
+from mpp_taichi.sweep.store import SweepStore
 
 KEPLER = {
     "constants": {"speed": 0.8, "mass": 1.0, "G": 1.0},
@@ -28,12 +28,12 @@ DISTANCE = {"distance": {"between": ["star", "planet"], "when": "smallest"}}
 
 def sweep(scene, *, precision="f64", backend="cpu", **block):
     spec = load_scene({**scene, "sweep": {**scene["sweep"], **block}})
-    return Store(Path("unused"), spec.resolved, "scene", {"backend": backend, "precision": precision}, 4)
+    return SweepStore(Path("unused"), spec.resolved, "scene", {"backend": backend, "precision": precision}, 4)
 
 
 def rows_of(store, numbers=None, bench=None):
     numbers = list(range(store.plan.count)) if numbers is None else list(numbers)
-    bench = bench or Bench(Device(store.device["backend"], store.device["precision"], 1))
+    bench = bench or Bench(MemberDevice(store.device["backend"], store.device["precision"], 1))
     return run_members(numbers, store.plan.values(numbers), store.resolved, store.source, bench, store.own)
 
 
@@ -90,16 +90,16 @@ def test_a_member_moves_as_the_scene_does_by_itself(varied, method):
 def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
     store = sweep(KEPLER, vary=VARIED["all"], measure=MEASURES)
     together = bits(rows_of(store))
-    bench = Bench(Device("cpu", "f64", 1))
+    bench = Bench(MemberDevice("cpu", "f64", 1))
     one_by_one = [bits(rows_of(store, [number], bench))[0] for number in range(store.plan.count)]
     backwards = bits(rows_of(store, reversed(range(store.plan.count))))[::-1]
-    threads = bits(rows_of(store, bench=Bench(Device("cpu", "f64", 2))))
+    threads = bits(rows_of(store, bench=Bench(MemberDevice("cpu", "f64", 2))))
     assert together == one_by_one == backwards == threads
 
 
 def test_a_bench_that_was_used_before_gives_the_same_bits():
     store = sweep(KEPLER, vary=VARIED["masses"], measure=MEASURES)
-    bench = Bench(Device("cpu", "f64", 1))
+    bench = Bench(MemberDevice("cpu", "f64", 1))
     first = bits(rows_of(store, bench=bench))
     rows_of(sweep(KEPLER, vary=VARIED["starts"], measure=MEASURES), bench=bench)
     assert bits(rows_of(store, bench=bench)) == first
@@ -174,6 +174,13 @@ def test_members_of_other_structures_run_in_one_sweep():
     assert [row.status for row in rows] == ["ok"] * 2, [row.reason for row in rows]
     # The ring has no mass, so that both are the same orbit; the sum of forces has other roundings, of 1.1e-16 in 500 steps.
     assert np.ptp([row.values[0] for row in rows]) < 500 * 1.1e-16 * 30
+
+
+def test_a_measure_that_is_not_defined_is_no_number():
+    both = {"distance": {"of": "planet", "to": "star", "point": [0, 0]}}
+    late = {"speed": {"of": "planet", "at": 100}}
+    for row in rows_of(sweep(KEPLER, measure=[both, late, {"mass": {"of": "planet"}}])):
+        assert row.status == "ok" and np.isnan(row.values[:2]).all() and row.values[2] == 0.01
 
 
 GAS = {

@@ -54,7 +54,7 @@ def test_a_drawn_member_is_the_same_however_it_is_asked_for(kind):
     some = np.array([9_999, 3, 4_096, 4_095, 0])
     assert np.array_equal(found.columns(some)["constants.speed"], all_at_once[some])
     assert 1.0 <= all_at_once.min() and all_at_once.max() <= 3.0 and len(np.unique(all_at_once)) > 9_900
-    # The mean of n uniform numbers of width 2 has the standard deviation 2/√(12 n) = 0.0058; two runs of 10⁹ are beyond six of them.
+    # The mean of n uniform numbers of width 2 has the standard deviation 2/√(12 n) = 0.0058; two of 10⁹ means are beyond six.
     assert abs(all_at_once.mean() - 2.0) < 6 * 2.0 / np.sqrt(12 * 10_000)
     other = plan(**block, sample={kind: 10_000, "seed": 8}).columns(np.arange(10_000))["constants.speed"]
     assert not np.array_equal(other, all_at_once)

@@ -54,7 +54,7 @@ def test_each_copy_has_the_result_of_a_run_of_its_own(name, parameters, keys):
     apart = [reduced(component.build("quantities", name, {**declared, **parameters}), **keys) for _ in range(COPIES)]
     random = np.random.default_rng(4)
     for step, time in enumerate(times):
-        # Copies are sampled at times of their own; all have the first and the last sample.
+        # MemberParticles are sampled at times of their own; all have the first and the last sample.
         who = np.flatnonzero(random.random(COPIES) < 0.7) if 0 < step < SAMPLES - 1 else np.arange(COPIES)
         if not len(who):
             continue
