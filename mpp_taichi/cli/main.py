@@ -141,6 +141,7 @@ def _dispatch(words: list[str]) -> int:
         parser.print_help()
         return 0
     switch.check_variable()
+    chosen.words = words
     return VERBS[chosen.verb].execute(chosen)
 
 

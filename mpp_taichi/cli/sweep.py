@@ -7,8 +7,11 @@ runs a member by itself.
 """
 
 import argparse
+import shlex
 import shutil
+import sys
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--workers", type=_options.positive_integer, metavar="N", help=told)
     told = "only the k-th of n parts, for an array of jobs or several computers that share the folder"
     group.add_argument("--part", type=_part, metavar="k/n", help=told)
+    told = "workers of a Dask cluster, tcp://HOST:PORT, or local:N, in place of processes; the folder must be shared"
+    group.add_argument("--dask", type=_dask, metavar="ADDRESS", help=told)
+    told = "print the script of an array of N jobs for SLURM, each of which runs a part, and run nothing"
+    group.add_argument("--slurm", type=_options.positive_integer, metavar="N", help=told)
     parser.add_argument("--out", type=_options.output_path, metavar="FOLDER", help="absent: out/SCENE.sweep")
     parser.add_argument(
         "--chunk", type=_options.positive_integer, metavar="N", help="members of a chunk; absent: some 30 s of work"
@@ -51,6 +58,9 @@ def execute(arguments: argparse.Namespace) -> int:
     """Plan, run what is missing, and write table and pictures."""
     with output_reserved(arguments.json):
         store, cost = _store(arguments)
+        if arguments.slurm is not None:
+            put(slurm_script(arguments.words, arguments.slurm, store.folder), verdicts=False)
+            return 0
         if arguments.dry_run:
             return _tell_cost(store, cost, arguments)
         began = clock.perf_counter()
@@ -86,7 +96,7 @@ def _store(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     store = SweepStore(
         folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk
     )
-    if not arguments.fresh and not arguments.dry_run:
+    if not arguments.fresh and not arguments.dry_run and arguments.slurm is None:
         try:
             before = opened(folder)
         except StateError:
@@ -187,7 +197,12 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
     progress = Progress(store, mine, tell)
     with Interruption() as interruption:
         try:
-            Processes(store.folder, workers, 1, together=cost.together).carry(mine, progress.done, interruption.raise_if_any)
+            carrier: Any = Processes(store.folder, workers, 1, together=cost.together)
+            if arguments.dask is not None:
+                from mpp_taichi.sweep.dask_carrier import DaskWorkers
+
+                carrier = DaskWorkers(store.folder, arguments.dask, 1, together=cost.together)
+            carrier.carry(mine, progress.done, interruption.raise_if_any)
         except BaseException:
             progress.picture()
             tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")
@@ -249,6 +264,34 @@ def _part(text: str) -> tuple[int, int]:
     if not (slash and number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
         raise argparse.ArgumentTypeError(f"{text!r} must be k/n with k from 1 to n, as 2/8")
     return int(number), int(parts)
+
+
+def _dask(text: str) -> str:
+    kind, _, rest = text.partition(":")
+    if not ((kind == "local" and rest.isdecimal() and 1 <= int(rest) <= MOST_WORKERS) or ("://" in text and rest.strip("/"))):
+        raise argparse.ArgumentTypeError(f"{text!r} must be tcp://HOST:PORT, or local:N with N from 1 to {MOST_WORKERS}")
+    return text
+
+
+def slurm_script(words: Sequence[str], jobs: int, folder: Path) -> str:
+    """The script of an array of jobs; a job that is cut off and queued again goes on."""
+    kept, skip = [], False
+    for word in words:
+        if skip or word.startswith("--slurm="):
+            skip = False
+        elif word == "--slurm":
+            skip = True
+        else:
+            kept.append(word)
+    command = shlex.join([sys.executable, "-m", "mpp_taichi", *kept])
+    lines = [
+        "#!/bin/sh",
+        *(f"#SBATCH --{option}" for option in (f"job-name={folder.stem}", f"array=1-{jobs}", "ntasks=1", "cpus-per-task=1")),
+        "#SBATCH --requeue",
+        f"cd {shlex.quote(str(Path.cwd()))} || exit 1",
+        f'exec {command} --workers 1 --part "$SLURM_ARRAY_TASK_ID/{jobs}"',
+    ]
+    return "\n".join(lines)
 
 
 def _time(seconds: float) -> str:

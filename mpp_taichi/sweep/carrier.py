@@ -4,7 +4,7 @@ import contextlib
 import queue
 import threading
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,15 @@ LONGEST_SECONDS = 7 * 24 * 3600.0  # of one chunk: members may be long, and nobo
 TRIES = 2  # of a chunk whose process has died
 
 
+def batches(numbers: Sequence[int], together: int, workers: int) -> Iterator[list[int]]:
+    """Chunks for one launch after the other: first one, soon many, at the end few, so that all workers end together."""
+    taken, waiting = 0, list(numbers)
+    while taken < len(waiting):
+        count = min(together, taken + 1, -(-(len(waiting) - taken) // (2 * workers)))
+        yield waiting[taken : taken + count]
+        taken += count
+
+
 class Processes:
     """Worker processes on this machine."""
 
@@ -26,7 +35,7 @@ class Processes:
         self._stopped = threading.Event()
         self._lock = threading.Lock()
         self._error: Exception | None = None
-        self._waiting, self._taken = list[int](), 0
+        self._batches: Iterator[list[int]] = iter(())
 
     def carry(self, numbers: Sequence[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
         """Run these chunks; `done` is told of each in this thread, `look` is called again and again and may raise.
@@ -34,7 +43,8 @@ class Processes:
         Raises:
             WorkerError: a chunk has ended its process twice.
         """
-        self._waiting, finished = list(numbers), queue.SimpleQueue[dict[str, Any]]()
+        self._batches = batches(numbers, self.together, self.count)
+        finished = queue.SimpleQueue[dict[str, Any]]()
         threads = [threading.Thread(target=self._work, args=(finished,), daemon=True) for _ in range(self.count)]
         try:
             for thread in threads:
@@ -52,12 +62,8 @@ class Processes:
             raise self._error
 
     def _next(self) -> list[int]:
-        """Chunks for one launch: first a single one, soon many, at the end few, so that all processes end at one time."""
         with self._lock:
-            count = min(self.together, self._taken + 1, -(-len(self._waiting) // (2 * self.count)))
-            taken, self._waiting = self._waiting[:count], self._waiting[count:]
-            self._taken += len(taken)
-            return taken
+            return next(self._batches, [])
 
     def _work(self, finished: "queue.SimpleQueue[dict[str, Any]]") -> None:
         worker: WorkerProcess | None = None

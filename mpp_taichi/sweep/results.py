@@ -12,7 +12,7 @@ from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.human_units import unit_of
 from mpp_taichi.sweep.chunk import Columns
 from mpp_taichi.sweep.member import STATUSES, whole_scene
-from mpp_taichi.sweep.store import opened
+from mpp_taichi.sweep.store import SweepStore, opened
 
 MISSING = -1
 """Status of a member whose chunk is not done."""
@@ -28,7 +28,7 @@ class SweepResults:
     names   measured quantities
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: SweepStore) -> None:
         """Read the chunks that are there."""
         self.store = store
         self.count, self.shape = store.plan.count, store.plan.shape

@@ -1,4 +1,4 @@
-"""SweepStore: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows of those that are done."""
+"""Sweep store: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows that are done."""
 
 import json
 from collections.abc import Iterator, Mapping

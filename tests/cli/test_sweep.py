@@ -119,3 +119,16 @@ def test_members_that_break_down_are_counted_and_the_code_is_0(scene, capsys):
     words = ["--vary", "constants.speed=[1, -1, 2]", "--measure", "speed"]
     assert main(["sweep", scene, *words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["statuses"] == {"ok": 2, "refused": 1}
+
+
+@pytest.mark.parametrize("address", ["local", "local:0", "local:x", "host:1", "tcp://"])
+def test_an_address_that_is_none_is_refused(scene, capsys, address):
+    assert main(["sweep", scene, *VARY, "--dask", address]) == 2
+    assert "tcp://HOST:PORT" in capsys.readouterr().err
+
+
+def test_no_cluster_at_an_address_is_code_3(scene, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("mpp_taichi.sweep.dask_carrier.CONNECT_SECONDS", 1)
+    assert main(["sweep", scene, *VARY, "--dask", "tcp://127.0.0.1:9", "--quiet"]) == 3
+    assert "no Dask cluster at tcp://127.0.0.1:9" in capsys.readouterr().err

@@ -202,3 +202,22 @@ def test_a_name_that_the_sweep_lacks_and_a_folder_without_a_sweep_are_refused(wh
     (tmp_path / "x" / "sweep.json").write_text("{")
     with pytest.raises(mpp.MppError, match="cannot be read"):
         mpp.open_sweep(tmp_path / "x")
+
+
+def test_workers_of_dask_give_the_same_table(scene, whole):
+    pytest.importorskip("distributed")
+    words = [sys.executable, "-m", "mpp_taichi", "sweep", "s.yaml", "--quiet", "--chunk", "6", "--dask", "local:2"]
+    done = subprocess.run(words, timeout=180, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert table() == table(whole)
+
+
+def test_the_script_for_slurm_runs_every_part(scene, whole, capfd):
+    assert main(["sweep", "s.yaml", "--slurm", "3", "--quiet"]) == 0
+    script = capfd.readouterr().out
+    assert "#SBATCH --array=1-3" in script and not Path("out").exists()
+    for job in (2, 1, 3):
+        subprocess.run(
+            ["sh"], input=script, text=True, env={**os.environ, "SLURM_ARRAY_TASK_ID": str(job)}, check=True, timeout=120
+        )
+    assert table() == table(whole)
