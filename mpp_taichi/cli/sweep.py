@@ -212,9 +212,10 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
 
 def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
     """Write the table and the pictures of what is done."""
+    from mpp_taichi.sweep.page import write_page
     from mpp_taichi.sweep.picture import draw
     from mpp_taichi.sweep.results import SweepResults
-    from mpp_taichi.sweep.tables import write_csv, write_netcdf
+    from mpp_taichi.sweep.tables import write_csv, write_netcdf, write_parquet
 
     results = SweepResults(store)
     if done_by_part and results.done < results.count:
@@ -223,7 +224,12 @@ def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, l
     write_csv(results, files[0])
     if write_netcdf(results, store.folder / "sweep.nc"):
         files.append(store.folder / "sweep.nc")
-    return results, files + draw(results, store.folder)
+    if write_parquet(results, store.folder / "members.parquet"):
+        files.append(store.folder / "members.parquet")
+    files += draw(results, store.folder)
+    if write_page(results, store.folder / "index.html"):
+        files.append(store.folder / "index.html")
+    return results, files
 
 
 def _report(

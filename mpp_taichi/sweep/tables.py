@@ -76,6 +76,26 @@ def write_netcdf(results: SweepResults, path: Path) -> bool:
     return True
 
 
+def write_parquet(results: SweepResults, path: Path) -> bool:
+    """The table of `write_csv` as Parquet; False where pyarrow is not installed.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    if importlib.util.find_spec("pyarrow") is None:
+        return False
+    import pyarrow
+    from pyarrow import parquet
+
+    members, fields = np.arange(results.count), [name for name in FIELDS if name not in results.names]
+    columns: dict[str, Any] = {"member": members, **results.store.plan.columns(members)}
+    columns |= {name: results.column(name) for name in (*results.names, *fields)}
+    arrays = {name: pyarrow.array(_stored(values) if values.dtype.kind in "UO" else values) for name, values in columns.items()}
+    with whole_file(path, "the table of the sweep") as temporary:
+        parquet.write_table(pyarrow.table(arrays), temporary)
+    return True
+
+
 def _fill(file: Any, results: SweepResults) -> None:
     grid = results.store.plan.is_grid
     file.attrs["Conventions"] = "CF-1.10"

@@ -221,3 +221,23 @@ def test_the_script_for_slurm_runs_every_part(scene, whole, capfd):
             ["sh"], input=script, text=True, env={**os.environ, "SLURM_ARRAY_TASK_ID": str(job)}, check=True, timeout=120
         )
     assert table() == table(whole)
+
+
+def test_the_page_has_every_member_and_the_command_that_repeats_it(whole):
+    text = (whole / "index.html").read_text(encoding="utf-8")
+    data = json.loads(text.partition('id="data">')[2].partition("</script>")[0].replace("<\\/", "</"))
+    results = mpp.open_sweep(whole)
+    assert data["names"] == results.names and data["shape"] == [9, 6]
+    for number in (0, 17, 53):
+        values = results.values_of(number)
+        assert [column[number] for column in data["varied"]] == pytest.approx(list(values.values()), rel=1e-8)
+        assert data["values"][0][number] == pytest.approx(results["distance"].ravel()[number], rel=1e-8)
+        assert data["words"][data["status"][number]] == "ok"
+    assert data["command"].endswith("s.sweep --member ") and text.count("data-map") >= 2
+
+
+def test_parquet_has_the_rows_of_the_table(whole):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    read = parquet.read_table(whole / "members.parquet").to_pydict()
+    rows = list(csv.DictReader(table(whole).decode().splitlines()))
+    assert [float(row["distance"]) for row in rows] == read["distance"] and [row["status"] for row in rows] == read["status"]
