@@ -2,6 +2,7 @@
 
 import contextlib
 import queue
+import tempfile
 import threading
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
@@ -35,6 +36,7 @@ class Processes:
         self._stopped = threading.Event()
         self._lock = threading.Lock()
         self._error: Exception | None = None
+        self._logs = Path()
         self._batches: Iterator[list[int]] = iter(())
 
     def carry(self, numbers: Sequence[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
@@ -46,6 +48,8 @@ class Processes:
         self._batches = batches(numbers, self.together, self.count)
         finished = queue.SimpleQueue[dict[str, Any]]()
         threads = [threading.Thread(target=self._work, args=(finished,), daemon=True) for _ in range(self.count)]
+        logs = tempfile.TemporaryDirectory(prefix="mpp_taichi_sweep_")
+        self._logs = Path(logs.name)
         try:
             for thread in threads:
                 start_thread(thread)
@@ -58,6 +62,7 @@ class Processes:
             for thread in threads:
                 if thread.ident is not None:
                     thread.join()
+            logs.cleanup()
         if self._error is not None:
             raise self._error
 
@@ -74,8 +79,8 @@ class Processes:
                     break
                 for attempt in range(TRIES):
                     try:
-                        worker = worker or WorkerProcess(self.folder, None, self._look, module=MODULE)
-                        asked = {"folder": str(self.folder), "numbers": numbers, "threads": self.threads}
+                        worker = worker or WorkerProcess(self._logs, None, self._look, module=MODULE)
+                        asked = {"folder": str(self.folder.absolute()), "numbers": numbers, "threads": self.threads}
                         finished.put(worker.ask("chunks", LONGEST_SECONDS, **asked))
                         break
                     except WorkerError as error:

@@ -25,6 +25,7 @@ FINE_ENOUGH = 2e-11  # an error at which the ladder ends
 FLOOR = 5e-13  # times the square root of the steps: errors below it may be rounding
 BACK_STEPS, BACK_IN_A_TURN = 1000, 300
 DRIFT_STEPS, DRIFT_IN_A_TURN = 100_000, 250
+DRIFT_STEPS_OF_LAUNCHES = 10_000  # where each stage is a launch; with more, software devices would take minutes
 DOUBLES = {"solved_in": ("f64",), "on": ("f64",)}
 QUICK = ("leapfrog", "velocity_verlet", "rk4", "yoshida4", "pefrl", "hermite4", "implicit_midpoint", "dop853")
 
@@ -102,10 +103,11 @@ def _drift_of(name: str) -> Case:
     def ask(place: Place) -> Found:
         with place.simulation(orbit(DRIFT_ECCENTRICITY, {name: {"dt": period() / DRIFT_IN_A_TURN}})) as simulation:
             first = _energies_of_a_turn(simulation)
-            simulation.run(steps=DRIFT_STEPS - 2 * DRIFT_IN_A_TURN)
+            steps = DRIFT_STEPS if place.backend == "cpu" else DRIFT_STEPS_OF_LAUNCHES
+            simulation.run(steps=steps - 2 * DRIFT_IN_A_TURN)
             last = _energies_of_a_turn(simulation)
         swing = float(np.ptp(first) / abs(np.mean(first)))
-        number = DRIFT_STEPS * _stages(name)
+        number = steps * _stages(name)
         rounded = 3.0 * 2.0 / (1.0 - DRIFT_ECCENTRICITY) * math.sqrt(3.0 * number) * DOUBLE
         why = (
             f"one of {DRIFT_IN_A_TURN} samples of an energy that swings by {swing:.1g}, by which two turns may differ, and "
