@@ -1,0 +1,182 @@
+"""Many members of three bodies: replicas beside REBOUND in a pool of processes, and a sweep beside its bare launches.
+
+    python tools/benchmarks/benchmark_sweep.py [--members 4096] [--steps 4000] [--repeats 5] [--json FILE]
+
+The scene is `kepler16`, leapfrog in f64, from starts at other distances and phases; the same steps with REBOUND's leapfrog
+(fixed step, no collisions) in a pool. One and two threads, or processes, in turn in one process; medians of the repeats in
+nanoseconds for a step of a member. REBOUND sums the three pairs by the same formula; its set-up is not counted.
+
+Then the verb: the whole of a sweep that measures the end of each member, with reading and placing members, samples, chunks,
+table and pictures, beside the time of its launches, which the first part tells.
+"""
+
+import argparse
+import json
+import multiprocessing
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+DT = 0.1
+
+
+def starts(members):
+    """Starting snapshots, and the same as arrays: masses (3,), positions and velocities (members, 3, 3)."""
+    from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.start.assemble import assemble
+
+    found = []
+    for distance, phase in zip(np.linspace(0.5, 1.2, members), np.linspace(0, 360 * 7, members)):
+        changes = {"constants.distance": float(distance), "constants.phase": float(phase)}
+        found.append(assemble(load_scene("kepler16", overrides=changes)))
+    return found, found[0].mass, np.stack([each.position for each in found]), np.stack([each.velocity for each in found])
+
+
+def ours(found, threads):
+    """A launch of so many steps of all replicas, as a function."""
+    from mpp_taichi import Simulation
+
+    simulation = Simulation("kepler16", backend="cpu", precision="f64", replica_starts=found, threads=threads)
+    simulation.try_steps(1, judged=False)
+
+    def run(steps):
+        simulation.try_steps(steps, judged=False)
+
+    return run, simulation
+
+
+_theirs = []
+
+
+def begin_theirs(mass, position, velocity, strength):
+    """Simulations of REBOUND in a process of the pool."""
+    import rebound
+
+    for x, v in zip(position, velocity):
+        simulation = rebound.Simulation()
+        simulation.G, simulation.dt, simulation.integrator = strength, DT, "leapfrog"
+        for k in range(3):
+            simulation.add(m=mass[k], x=x[k][0], y=x[k][1], z=x[k][2], vx=v[k][0], vy=v[k][1], vz=v[k][2])
+        _theirs.append(simulation)
+
+
+def run_theirs(steps):
+    """Take so many steps of all simulations of this process; the seconds that they took."""
+    began = time.perf_counter()
+    for simulation in _theirs:
+        simulation.steps(steps)
+    return time.perf_counter() - began
+
+
+def serve(connection, *start):
+    """A process of REBOUND."""
+    begin_theirs(*start)
+    connection.send(True)
+    while (steps := connection.recv()) is not None:
+        run_theirs(steps)
+        connection.send(True)
+
+
+class Pool:
+    """Processes of REBOUND that share the members."""
+
+    def __init__(self, count, mass, position, velocity, strength):
+        """Start, and wait until all are set up."""
+        context = multiprocessing.get_context("spawn")
+        self.ends, self.processes = [], []
+        for part in range(count):
+            mine, other = context.Pipe()
+            arguments = (other, mass, position[part::count], velocity[part::count], strength)
+            self.processes.append(context.Process(target=serve, args=arguments, daemon=True))
+            self.processes[-1].start()
+            self.ends.append(mine)
+        for end in self.ends:
+            end.recv()
+
+    def run(self, steps):
+        """Take the steps, all processes at once."""
+        for end in self.ends:
+            end.send(steps)
+        for end in self.ends:
+            end.recv()
+
+    def close(self):
+        """End the processes."""
+        for end in self.ends:
+            end.send(None)
+        for process in self.processes:
+            process.join()
+
+
+def measure_steps(members, steps, repeats):
+    """Median nanoseconds for a step of a member, by contender."""
+    from mpp_taichi.scene.load import load_scene
+
+    found, mass, position, velocity = starts(members)
+    strength = load_scene("kepler16").gravity
+    rows = {}
+    for count in (1, 2):
+        run, simulation = ours(found, count)
+        pool = Pool(count, mass, position, velocity, strength)
+        times = {f"replicas, {count} threads": [], f"REBOUND, {count} processes": []}
+        for _ in range(repeats):
+            for name, do in zip(times, (run, pool.run)):
+                began = time.perf_counter()
+                do(steps)
+                times[name].append((time.perf_counter() - began) / steps / members * 1e9)
+        rows |= {name: float(np.median(each)) for name, each in times.items()}
+        pool.close()
+        simulation.close()
+    return rows
+
+
+def measure_verb(members, steps):
+    """Seconds of a whole sweep of so many members with two processes."""
+    from mpp_taichi.cli.main import main
+
+    side = int(np.sqrt(members))
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["sweep", "kepler16", "--quiet", "--steps", str(steps), "--workers", "2", "--out", folder + "/x.sweep"]
+        words += ["--vary", f"constants.distance=0.5:1.2:{side}", "--vary", f"constants.phase=0:360:{side}"]
+        words += ["--measure", "end_time", "--measure", "position: {of: planet, axis: x}"]
+        began = time.perf_counter()
+        if main(words):
+            raise SystemExit("the sweep failed")
+        return side * side, time.perf_counter() - began
+
+
+def main():
+    """Measure, print the table, write the JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--members", type=int, default=4096)
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    rows = measure_steps(options.members, options.steps, options.repeats)
+    print(f"{'contender':24} {'ns for a step of a member':>26}")
+    for name, value in rows.items():
+        print(f"{name:24} {value:26.1f}")
+    scaling = rows["replicas, 1 threads"] / rows["replicas, 2 threads"] / 2
+    ratio = rows["REBOUND, 2 processes"] / rows["replicas, 2 threads"]
+    print(f"\nREBOUND's time ÷ ours, two processes: {ratio:.2f}; scaling over two threads: {scaling:.2f} of ideal")
+    steps = 10 * options.steps
+    members, seconds = measure_verb(options.members, steps)
+    launches = members * steps * rows["replicas, 2 threads"] * 1e-9
+    share = 1.0 - launches / seconds
+    print(
+        f"a sweep of {members:,} members of {steps:,} steps: {seconds:.1f} s, its launches {launches:.1f} s; the rest {share:.0%}"
+    )
+    if options.json:
+        found = {"members": options.members, "steps": options.steps, "ns": rows, "scaling": scaling, "ratio": ratio}
+        found |= {"verb": {"members": members, "steps": steps, "seconds": seconds, "launches": launches}}
+        options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
