@@ -18,6 +18,7 @@ from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
 
 # Half-springs of a particle in a vector: an SSE register in f32, two in f64; twice as many are no faster.
@@ -200,14 +201,16 @@ class TotalForce:
         for block in range(blocks):
             h = begin + block * ROW_LANES
             forces = [
-                self.half_spring(state, i, first + state.spring_neighbor[h + lane], h + lane, bond, friction)
+                self.half_spring(
+                    state, i, first + state.spring_neighbor[h + lane], own_entry(state, first, h + lane), bond, friction
+                )
                 for lane in ti.static(range(ROW_LANES))
             ]
             for axis in ti.static(range(state.dimensions)):
                 lanes[axis] += ti.Vector([forces[lane][axis] for lane in ti.static(range(ROW_LANES))])
         total = ti.Vector([lanes[axis].sum() for axis in ti.static(range(state.dimensions))])
         for h in range(begin + blocks * ROW_LANES, end):
-            total += self.half_spring(state, i, first + state.spring_neighbor[h], h, bond, friction)
+            total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)
         return total
 
     @ti.func
@@ -215,7 +218,7 @@ class TotalForce:
         """`row_sum` of double-single numbers, one half-spring after the other."""
         total = zero_vector(state)
         for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
-            total += self.half_spring(state, i, first + state.spring_neighbor[h], h, bond, friction)
+            total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)
         return total
 
     @ti.func
@@ -269,7 +272,8 @@ class TotalForce:
             snap += second_derivative
         for bond in ti.static(self.bonds):
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
-                pull, second_pull = self.half_spring_derivatives(state, i, first + state.spring_neighbor[h], h, bond)
+                j, own = first + state.spring_neighbor[h], own_entry(state, first, h)
+                pull, second_pull = self.half_spring_derivatives(state, i, j, own, bond)
                 jerk += pull / state.mass[i]
                 snap += second_pull / state.mass[i]
         if ti.static(state.has_fixed_axes):
@@ -331,7 +335,7 @@ class TotalForce:
             result += force.potential(state, i, time)
         for bond in ti.static(self.bonds):
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
-                result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], h)
+                result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], own_entry(state, first, h))
         if ti.static(self.has_pairs and not self.by_tree):
             result += self.pair_sum.potential_energy_of(state, i)
         return result

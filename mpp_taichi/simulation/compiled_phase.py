@@ -108,6 +108,7 @@ class CompiledPhase:
 
     def _allocate(self, event_log: bool) -> tuple[ContactSolver | None, Any]:
         """The contact solver, if the scene has one, and the state with every field that the step works with."""
+        from mpp_taichi.state.half_springs import springs_differ
         from mpp_taichi.state.state import State
 
         spec, start, device, integrator = self.spec, self.particles, self.device, self.integrator
@@ -138,6 +139,7 @@ class CompiledPhase:
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
             centered=integrator.steps_about_center and self._acts_inside_alone(solver),
+            own_springs=springs_differ(self.replica_starts),
         )
         return solver, state
 

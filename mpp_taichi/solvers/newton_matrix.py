@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
 
 
@@ -62,8 +63,9 @@ class NewtonMatrix:
                 along = ti.cast(0.0, float)
                 across = ti.cast(0.0, float)
                 for bond in ti.static(self.total_force.bonds):
-                    stiffness_along, stiffness_across = bond.stiffness(state, i, j, h, length)
-                    damping_along, damping_across = bond.damping_rates(state, h)
+                    own = own_entry(state, first, h)
+                    stiffness_along, stiffness_across = bond.stiffness(state, i, j, own, length)
+                    damping_along, damping_across = bond.damping_rates(state, own)
                     if projected == 1:
                         stiffness_along = ti.max(stiffness_along, 0.0)
                         stiffness_across = ti.max(stiffness_across, 0.0)

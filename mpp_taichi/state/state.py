@@ -13,7 +13,7 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Comoving, Snapshot
 from mpp_taichi.state.field_group import FieldGroup, Row
-from mpp_taichi.state.half_springs import half_springs
+from mpp_taichi.state.half_springs import half_springs, values_of_replicas
 from mpp_taichi.state.moving_frame import MovingFrame, frame_of_center, frame_of_snapshots
 from mpp_taichi.state.two_part_field import TwoPartField
 
@@ -60,6 +60,7 @@ class State:
         precision: str = "f64",
         guards_rounding: bool = False,
         centered: bool = False,
+        own_springs: bool = False,
     ):
         """Allocate for the needs, and fill every replica with the snapshot.
 
@@ -67,10 +68,8 @@ class State:
         says whether their sums must be hidden from a compiler that reorders sums (low_parts.py); `centered` says whether the
         particles are stepped in a frame that moves with their centre of mass (moving_frame.py).
         """
-        self.dimensions = dimensions
+        self.dimensions, self.particle_count, self.replica_count = dimensions, snapshot.particle_count, replica_count
         self.wide = wide  # number type of energies: f64 where the device has it
-        self.particle_count = snapshot.particle_count
-        self.replica_count = replica_count
         self.total_count = snapshot.particle_count * replica_count
         self.merges = snapshot.merged_into is not None
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
@@ -78,10 +77,8 @@ class State:
         self.forces_see_low, self.forces_have_low = forces_see_low_parts(precision), forces_have_low_parts(precision)
         self.guards_rounding = guards_rounding and self.carries_low
         self.carries_rest = self.forces_have_low
-        low = (
-            *(("position_low", "velocity_low") if self.carries_low else ()),
-            *(("position_rest", "velocity_rest") if self.carries_rest else ()),
-        )
+        low = ("position_low", "velocity_low") if self.carries_low else ()
+        low += ("position_rest", "velocity_rest") if self.carries_rest else ()
         self._moved = ("position", "velocity", *low)
         # Names of the fields that a step hands on to the next step, beside position and velocity.
         self.memory = (*memory, *(MERGED_ARRAYS if self.merges else ()), *low)
@@ -89,6 +86,8 @@ class State:
         if unknown := needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES):
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
+        self.own_springs, self.half_spring_count = own_springs, 2 * len(snapshot.springs)
+        host |= values_of_replicas([snapshot] * replica_count) if own_springs else {}
         self.centered, self._mass = centered, snapshot.mass
         self.frame: MovingFrame | None = None
         self.quantities: list[str] = []
@@ -257,10 +256,14 @@ class State:
             self._write_vectors(*(values.reshape(self.total_count, -1) for values in moved))
 
     def write_properties(self, starts: Sequence[Snapshot]) -> None:
-        """Set the masses and charges of each replica from a snapshot of its own."""
-        columns = {n: np.concatenate([getattr(s, n) for s in starts]) for n in ("mass", "charge") if n in self.quantities}
-        self._write({part: values for name in columns for part, values in self._parts(name, columns[name]).items()})
+        """Set masses and charges, and the numbers of springs where they are its own, of each replica from its own snapshot."""
+        columns = {name: np.concatenate([getattr(each, name) for each in starts]) for name in ("mass", "charge")}
+        self._write_numbers(columns | (values_of_replicas(starts) if self.own_springs else {}))
         self._mass = np.stack([each.mass for each in starts])
+
+    def _write_numbers(self, columns: Mapping[str, np.ndarray]) -> None:
+        kept = [name for name in columns if name in self.quantities]
+        self._write({part: values for name in kept for part, values in self._parts(name, columns[name]).items()})
 
     def pass_time(self, steps: int, dt: float) -> None:
         """Let the frame move on for so many steps of the length `dt`, with the particles."""
@@ -308,9 +311,7 @@ class State:
 
     def write_springs(self, snapshot: Snapshot) -> None:
         """Set stiffness, rest length and damping of springs that link the same particles as before."""
-        host = half_springs(snapshot)
-        names = [name for name in ("spring_stiffness", "spring_rest_length", "spring_damping") if name in self.quantities]
-        self._write({part: values for name in names for part, values in self._parts(name, host[name]).items()})
+        self._write_numbers(values_of_replicas([snapshot]))
 
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set the arrays that merging changes, the same in every replica."""

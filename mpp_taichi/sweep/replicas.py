@@ -8,10 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.stability import StepGuard
+from mpp_taichi.stability.network import drag_of
+from mpp_taichi.state.half_springs import springs_differ
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, MemberRow
 
@@ -41,7 +44,8 @@ class Bench:
         while len(starts) < 2 or len(starts) & (len(starts) - 1):  # few sizes, so that few kernels are compiled
             scenes.append(scenes[0])
             starts.append(starts[0])
-        known = self._kept.pop((key, len(starts)), None)
+        key = (key, len(starts), springs_differ(starts))
+        known = self._kept.pop(key, None)
         if known is None:
             known = Simulation(
                 members[0].spec,
@@ -51,7 +55,7 @@ class Bench:
                 plan="replicas",
                 replica_starts=tuple(starts),
             )
-        self._kept[key, len(starts)] = known
+        self._kept[key] = known
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)[1].close()
         known.place_replicas(starts, scenes)
@@ -163,10 +167,14 @@ def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list
     spec = members[0].spec
     try:
         simulation = bench.simulation(key, members)
-        total, rest = _length(simulation)
-        simulation.check_step(total)
     except MppError as error:
-        return [MemberRow(each.number, REFUSED, _nothing(each), reason=_line(error)) for each in members]
+        return [_refused(each, str(error)) for each in members]
+    total, rest = _length(simulation)
+    reasons = _refusals(members, simulation, total)
+    if refused := [_refused(each, why) for each, why in zip(members, reasons, strict=True) if why]:
+        others = [each for each, why in zip(members, reasons, strict=True) if not why]
+        rows = {row.number: row for row in (*refused, *(run_together(key, others, bench) if others else ()))}
+        return [rows[each.number] for each in members]
     gauges = Gauges(members, stride_of(spec.run, total), simulation.device.precision)
     looks = _Looks(simulation, members, gauges)
     step = 0
@@ -226,10 +234,28 @@ def _length(simulation: Simulation) -> tuple[int, float]:
     return whole_steps(run.duration, simulation.dt)
 
 
+def _refusals(members: Sequence[Member], simulation: Simulation, steps: int) -> list[str]:
+    """For each member why its springs and its drag do not allow the step, as before any run; empty where they do."""
+    known: dict[Hashable, str] = {}
+    found = []
+    for each in members:
+        springs = each.start.springs
+        facts = (springs.stiffness.tobytes(), springs.damping.tobytes(), springs.rest_length.tobytes(), drag_of(each.spec))
+        judged = (*facts, each.start.mass.tobytes() if len(springs) or drag_of(each.spec) else b"")
+        if judged not in known:
+            known[judged] = ""
+            try:
+                StepGuard(each.spec, each.start, simulation.integrator, force=False).check(simulation.dt, steps)
+            except StabilityError as error:
+                known[judged] = str(error)
+        found.append(known[judged])
+    return found
+
+
+def _refused(member: Member, reason: str) -> MemberRow:
+    return MemberRow(member.number, REFUSED, _nothing(member), reason=" ".join(reason.split()))
+
+
 def _nothing(member: Member) -> list[float]:
     assert member.spec.sweep is not None
     return [float("nan")] * len(member.spec.sweep.measure)
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

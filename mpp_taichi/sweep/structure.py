@@ -14,7 +14,7 @@ from mpp_taichi.snapshot import Snapshot
 
 Own = frozenset[tuple[str, str]]
 SHARED_ARRAYS = ("radius", "free", "color")
-"""Arrays of particles that all replicas share; positions, velocities, masses and charges are their own."""
+"""Arrays of particles that all replicas share; positions, velocities, masses, charges and springs are their own."""
 
 
 def with_own(spec: SceneSpec, own: Own) -> SceneSpec:
@@ -55,7 +55,7 @@ def key_of(spec: SceneSpec, start: Snapshot, own: Own = frozenset()) -> Hashable
         told = {name: value for name, value in entry.parameters.items() if kind != "forces" or (entry.name, name) not in own}
         entries.append((kind, entry.name, _told(told)))
     arrays = [getattr(start, name) for name in SHARED_ARRAYS]
-    arrays += [getattr(start.springs, name) for name in ("between", "stiffness", "damping", "rest_length")]
+    arrays += [start.springs.between, np.array([bool((start.springs.damping != 0.0).any())])]
     arrays += [start.rods.between, start.rods.length, start.mass > 0.0]
     digest = hashlib.sha256()
     for array in arrays:

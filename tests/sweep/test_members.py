@@ -218,3 +218,53 @@ def test_on_software_vulkan(software_vulkan):
     store = sweep(KEPLER, precision="f32", backend="vulkan", measure=MEASURES)
     for row, right in zip(rows_of(store), rows_of(sweep(KEPLER, measure=MEASURES))):
         assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=math.sqrt(3 * 500) * 6e-8 * 100)
+
+
+CHAIN = {
+    "constants": {"stiffness": 40, "damping": 0.1, "stretch": 1.1, "mass": 1},
+    "dimensions": 2,
+    "particles": [
+        {"body": {"name": "wall", "mass": 1, "position": [0, 0], "free": False}},
+        {"body": {"name": "a", "mass": "mass", "position": [1, 0]}},
+        {"body": {"name": "b", "mass": 2, "position": [2, 0.3]}},
+    ],
+    "springs": [
+        {"link": {"between": ["wall", "a"], "stiffness": "stiffness", "damping": "damping", "prestretch": "stretch"}},
+        {"link": {"between": ["a", "b"], "stiffness": 25}},
+    ],
+    "integrator": {"leapfrog": {"dt": 0.01}},
+    "run": {"duration": 2},
+    "sweep": {
+        "vary": {"constants.stiffness": [10, 40, 90], "constants.stretch": [1, 1.2], "constants.mass": [1, 3]},
+        "measure": [{"position": {"of": "b", "axis": "x"}}, {"position": {"of": "a", "axis": "y"}}, {"potential_energy": {}}],
+    },
+}
+
+
+@pytest.mark.parametrize(
+    "method", ["leapfrog", "rk4", "implicit_midpoint", "energy_momentum", "bdf2", "imex_midpoint", "hermite4"]
+)
+def test_each_member_has_springs_of_its_own(method):
+    undamped = method == "hermite4"
+    scene = {**CHAIN, "integrator": {method: {"dt": 0.01}}}
+    scene["constants"] = {**CHAIN["constants"], "damping": 0 if undamped else 0.1}
+    store = sweep(scene)
+    rows = rows_of(store)
+    for row, values in list(zip(rows, store.plan.values(range(12))))[::5]:
+        with Simulation({**scene, "sweep": store.resolved["sweep"]}, backend="cpu", overrides=values) as simulation:
+            simulation.run(judge="off")
+            alone, energies = simulation.snapshot(), simulation.diagnostics()
+        # 200 steps of four stages round by 1.1e-16 each; the solution of an implicit step is right to 1e-11 of its length.
+        allowed = 1e-10 if method in ("implicit_midpoint", "energy_momentum", "bdf2", "imex_midpoint") else 1e-13
+        assert row.status == "ok", row.reason
+        assert row.values[0] == pytest.approx(alone.position[2, 0], abs=allowed)
+        assert row.values[1] == pytest.approx(alone.position[1, 1], abs=allowed)
+        assert row.values[2] == pytest.approx(energies["potential_energy"], abs=100 * allowed)
+    assert len({row.values[0] for row in rows}) == 12
+
+
+def test_a_spring_that_is_too_stiff_for_the_step_is_refused_for_its_member_alone():
+    rows = rows_of(sweep(CHAIN, vary={"constants.stiffness": [40, 1e6, 90]}))
+    assert [row.status for row in rows] == ["ok", "refused", "ok"] and "step" in rows[1].reason
+    alone = rows_of(sweep(CHAIN, vary={"constants.stiffness": [40]}))
+    assert alone[0].values == rows[0].values
