@@ -69,7 +69,7 @@ class State:
         particles are stepped in a frame that moves with their centre of mass (moving_frame.py).
         """
         self.dimensions, self.particle_count, self.replica_count = dimensions, snapshot.particle_count, replica_count
-        self.wide = wide  # number type of energies: f64 where the device has it
+        self.half_spring_count, self.wide = 2 * len(snapshot.springs), wide  # number type of energies: f64 where it is there
         self.total_count = snapshot.particle_count * replica_count
         self.merges = snapshot.merged_into is not None
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
@@ -86,9 +86,8 @@ class State:
         if unknown := needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES):
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
-        self.own_springs, self.half_spring_count = own_springs, 2 * len(snapshot.springs)
         host |= values_of_replicas([snapshot] * replica_count) if own_springs else {}
-        self.centered, self._mass = centered, snapshot.mass
+        self.centered, self._mass, self.own_springs = centered, snapshot.mass, own_springs
         self.frame: MovingFrame | None = None
         self.quantities: list[str] = []
         self._rows: list[Row] = []  # the rows to be allocated

@@ -64,6 +64,7 @@ MEASURES = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("method", "varied"),
     [*(("leapfrog", each) for each in VARIED), ("rk4", "all"), ("implicit_midpoint", "all"), ("ias15", "masses")],
@@ -146,16 +147,17 @@ def test_a_member_that_diverges_is_a_row_and_its_neighbours_go_on():
     scene = {
         **KEPLER,
         "particles": [{"body": {"mass": 1, "position": [1, 0], "velocity": ["speed", 0]}}],
-        "forces": [{"linear_drag": {"coefficient": "G"}}],
-        "integrator": {"euler": {"dt": 1}},
-        "run": {"duration": 600},
+        "forces": [{"uniform_gravity": {"acceleration": ["G", 0]}}],
+        "integrator": {"leapfrog": {"dt": 100}},
+        "run": {"duration": 60_000},
     }
-    # One step multiplies the velocity by 1 − c dt: with c = 5 by −4, and 4^512 is beyond the largest number.
-    rows = rows_of(sweep(scene, vary={"constants.G": [0.01, 5.0, 1.0]}, measure=[{"speed": {}}]))
+    # x = a t²/2 passes the largest number, 1.8e308, at t = 1.9e4 with a = 1e300. A sample is taken at least each 300.
+    rows = rows_of(sweep(scene, vary={"constants.G": [0, 1e300, 1]}, measure=[{"position": {"axis": "x", "of": 0}}]))
     assert [row.status for row in rows] == ["ok", "diverged", "ok"]
-    assert rows[1].particle == 0 and "particle 0" in rows[1].reason and 500 < rows[1].time < 530
-    # A product of 600 factors is rounded 600 times by 1.1e-16.
-    assert rows[0].values[0] == pytest.approx(0.8 * 0.99**600, rel=600 * 1.2e-16) and rows[2].values[0] == 0.0
+    assert rows[1].particle == 0 and "particle 0" in rows[1].reason and 1.88e4 < rows[1].time < 1.92e4 + 300
+    # A leapfrog follows a parabola exactly, but for a rounding of each of the 600 steps.
+    for row, expected in ((rows[0], 1 + 0.8 * 6e4), (rows[2], 1 + 0.8 * 6e4 + 0.5 * 3.6e9)):
+        assert row.values[0] == pytest.approx(expected, rel=600 * 1.2e-16)
 
 
 def test_a_member_that_the_scene_refuses_is_a_row():
@@ -241,9 +243,8 @@ CHAIN = {
 }
 
 
-@pytest.mark.parametrize(
-    "method", ["leapfrog", "rk4", "implicit_midpoint", "energy_momentum", "bdf2", "imex_midpoint", "hermite4"]
-)
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("method", ["leapfrog", "rk4", "implicit_midpoint", "energy_momentum", "bdf2", "hermite4"])
 def test_each_member_has_springs_of_its_own(method):
     undamped = method == "hermite4"
     scene = {**CHAIN, "integrator": {method: {"dt": 0.01}}}
@@ -255,12 +256,13 @@ def test_each_member_has_springs_of_its_own(method):
             simulation.run(judge="off")
             alone, energies = simulation.snapshot(), simulation.diagnostics()
         # 200 steps of four stages round by 1.1e-16 each; the solution of an implicit step is right to 1e-11 of its length.
-        allowed = 1e-10 if method in ("implicit_midpoint", "energy_momentum", "bdf2", "imex_midpoint") else 1e-13
+        allowed = 1e-10 if method in ("implicit_midpoint", "energy_momentum", "bdf2") else 1e-13
         assert row.status == "ok", row.reason
         assert row.values[0] == pytest.approx(alone.position[2, 0], abs=allowed)
         assert row.values[1] == pytest.approx(alone.position[1, 1], abs=allowed)
         assert row.values[2] == pytest.approx(energies["potential_energy"], abs=100 * allowed)
-    assert len({row.values[0] for row in rows}) == 12
+    # A chain that is not stretched stays as it is, whatever its stiffness and masses.
+    assert len({row.values[0] for row in rows}) == 6 + 1
 
 
 def test_a_spring_that_is_too_stiff_for_the_step_is_refused_for_its_member_alone():

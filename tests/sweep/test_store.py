@@ -134,6 +134,7 @@ def test_another_sweep_in_the_folder_begins_anew_and_keeps_what_it_shares(scene,
     assert json.loads(capsys.readouterr().out)["ran"] == 54 and table() == before
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_sweep_that_was_killed_goes_on_to_the_same_bits(scene, whole, seed):
     words = [sys.executable, "-m", "mpp_taichi", "sweep", "s.yaml", "--quiet", "--chunk", "2", "--workers", "2"]
