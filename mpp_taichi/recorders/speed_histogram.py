@@ -115,7 +115,10 @@ class SpeedHistogram:
         return np.average(curves, axis=0, weights=counts)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """edge (BINS + 1,); density, its standard_error as of independent samples, and theory over the bin (BINS,)."""
+        """edge (BINS + 1,); density, its standard_error as of independent samples, and theory over the bin (BINS,).
+
+        The number of particles in a bin is binomial, with the variance n p (1 − p) for the share p of all n particles.
+        """
         speeds = np.concatenate([np.zeros(0), *self._speeds])
         largest = float(speeds.max()) if len(speeds) else 0.0
         reach = max(1.0001 * largest, REACH * float(np.max(speed_scale(self.mass, self.temperature)))) or 1.0
@@ -130,7 +133,7 @@ class SpeedHistogram:
         return {
             "edge": edge,
             "density": counts / (whole * width),
-            "standard_error": np.sqrt(counts) / (whole * width),
+            "standard_error": np.sqrt(counts * (1.0 - counts / whole)) / (whole * width),
             "theory": np.diff(below) / width,
         }
 
