@@ -84,15 +84,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Measure, print and write; the exit code is 0 also when the time budget ended first."""
     from mpp_taichi.accuracy.problem import pose
+    from mpp_taichi.cli._refusals import require_any_backend, require_room
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    require_room(spec)
     quantity, of = asked_of(spec, arguments.of)
     try:
         problem = pose(spec, arguments.until, of)
     except ValueError as error:
         raise UsageError(f"--of {of}: {error}") from None
     wishes = _wishes(arguments, "contacts" if problem.compares_solvers else "integrators", quantity)
+    require_any_backend(arguments.backends or DEFAULT_BACKENDS)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 

@@ -53,10 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Compare, print and write."""
+    from mpp_taichi.cli._refusals import require_any_backend, require_room
     from mpp_taichi.scene.load import load_scene
 
     wishes = _wishes(arguments)
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    require_room(spec)
+    require_any_backend(wishes.backends)
     if spec.rigid_entries:
         raise UnsupportedError(f"no other backend keeps the lengths of {spec.rods_named}: there is nothing to compare")
     if arguments.ladder and not any(is_pair_force(force.name) for force in spec.forces):

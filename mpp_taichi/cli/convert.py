@@ -82,6 +82,7 @@ def _tell(arguments: argparse.Namespace, source: "Source") -> None:
 
 def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "Source"]:
     """The particles of a file, and a scene made from the file of another program where the output is a scene."""
+    from mpp_taichi.cli._refusals import require_room
     from mpp_taichi.exporters._source import Source
     from mpp_taichi.importers.catalogue import import_particles, import_scene
     from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory
@@ -101,4 +102,5 @@ def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "
         return None, Source(str(path), state)
     imported = None if suffix in SCENES else import_scene(path)[1]
     spec = load_scene(path) if imported is None else load_resolved(imported, str(path))
+    require_room(spec)
     return imported, Source(str(path), assemble(spec), spec)

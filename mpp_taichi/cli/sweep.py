@@ -72,6 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _store(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     """The sweep that is asked for, as its folder holds it, or a new one."""
+    from mpp_taichi.cli._refusals import require_room
     from mpp_taichi.errors import StateError
     from mpp_taichi.scene.load import load_resolved
     from mpp_taichi.start.assemble import assemble
@@ -88,6 +89,7 @@ def _store(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     if spec.run.duration is None and spec.run.steps is None:
         raise UsageError(f"sweep: {source} has no run.duration; --until T or --steps N says how long a member runs")
     check_paths(resolved, source, spec)
+    require_room(spec)
     start = assemble(spec)
     plan = Plan(spec.sweep)
     cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
@@ -180,10 +182,13 @@ def _tell_cost(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace)
 
 def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> int:
     """Run the chunks that are missing; the number of members that were run."""
+    from mpp_taichi.cli._refusals import require_any_backend
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.sweep.carrier import Processes
     from mpp_taichi.sweep.progress import Progress
 
+    if arguments.dask is None and (arguments.fresh or store.missing()):  # the workers of Dask have devices of their own
+        require_any_backend([arguments.backend])
     if arguments.fresh:
         shutil.rmtree(store.folder / "chunks", ignore_errors=True)
     store.save()
