@@ -85,7 +85,7 @@ def scaled(value, by):
 
 def run(scene, settings, device):
     """The exit code of a run, and the expectations that failed."""
-    words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--json", "--quiet", *device]
+    words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--json", "--quiet", "--no-archive", *device]
     for setting in settings:
         words += ["--set", setting]
     done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
