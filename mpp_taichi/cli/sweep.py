@@ -7,17 +7,16 @@ runs a member by itself.
 """
 
 import argparse
-import shlex
 import shutil
-import sys
 import time as clock
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._sweep_options import add_plan, block_of
-from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
+from mpp_taichi.cli._slurm import slurm_script
+from mpp_taichi.cli._sweep_options import add_plan
+from mpp_taichi.cli._sweep_store import asked_for
+from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 from mpp_taichi.device.thread_count import processors
 from mpp_taichi.precision import PRECISIONS
 
@@ -57,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Plan, run what is missing, and write table and pictures."""
     with output_reserved(arguments.json):
-        store, cost = _store(arguments)
+        store, cost = asked_for(arguments)
         if arguments.slurm is not None:
             put(slurm_script(arguments.words, arguments.slurm, store.folder), verdicts=False)
             return 0
@@ -68,85 +67,6 @@ def execute(arguments: argparse.Namespace) -> int:
         results, files = finish(store, done_by_part=arguments.part is not None)
     _report(store, results, files, ran, clock.perf_counter() - began, arguments)
     return 0
-
-
-def _store(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
-    """The sweep that is asked for, as its folder holds it, or a new one."""
-    from mpp_taichi.cli._refusals import require_room
-    from mpp_taichi.errors import StateError
-    from mpp_taichi.scene.load import load_resolved
-    from mpp_taichi.start.assemble import assemble
-    from mpp_taichi.sweep.cost import cost_of
-    from mpp_taichi.sweep.plan import Plan
-    from mpp_taichi.sweep.store import SUFFIX, SweepStore, opened
-
-    resolved, source = _resolved(arguments)
-    spec = load_resolved(resolved, source)
-    if spec.sweep is None:
-        raise UsageError(
-            f"sweep: {source} has no block sweep:; --vary PATH=A:B:N says which key varies, --measure QUANTITY what is measured"
-        )
-    if spec.run.duration is None and spec.run.steps is None:
-        raise UsageError(f"sweep: {source} has no run.duration; --until T or --steps N says how long a member runs")
-    check_paths(resolved, source, spec)
-    require_room(spec)
-    start = assemble(spec)
-    plan = Plan(spec.sweep)
-    cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
-    precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
-    folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
-    store = SweepStore(
-        folder, resolved, source, {"backend": arguments.backend, "precision": precision}, arguments.chunk or cost.chunk
-    )
-    if not arguments.fresh and not arguments.dry_run and arguments.slurm is None:
-        try:
-            before = opened(folder)
-        except StateError:
-            before = None
-        if before is not None and before.known == store.known and before.plan.count == store.plan.count and not arguments.chunk:
-            store = SweepStore(folder, resolved, source, store.device, before.chunk)
-    return store, cost
-
-
-def _resolved(arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    """The scene as plain data with everything that the command line says, and its file."""
-    from mpp_taichi.scene.load import load_scene
-
-    interval = None if arguments.until is None else arguments.until / 200
-    spec = load_scene(arguments.scene, overrides=arguments.overrides, interval=interval)
-    resolved = dict(spec.resolved)
-    block = block_of(arguments, resolved.get("sweep"))
-    if block is not None:
-        resolved["sweep"] = block
-    if arguments.until is not None:
-        resolved["run"] = {**(resolved.get("run") or {}), "duration": arguments.until}
-        resolved["run"].pop("steps", None)
-    elif arguments.steps is not None:
-        resolved["run"] = {**(resolved.get("run") or {}), "steps": arguments.steps}
-        resolved["run"].pop("duration", None)
-    return resolved, spec.source
-
-
-def check_paths(resolved: dict[str, Any], source: str, spec: Any) -> None:
-    """Refuse a path that the scene does not have, before members are refused one by one.
-
-    Raises:
-        SceneError: no member at an end of the ranges can be made, and why the first of them cannot.
-    """
-    from mpp_taichi.errors import SceneError
-    from mpp_taichi.sweep.member import scene_of
-    from mpp_taichi.sweep.plan import Plan
-
-    plan = Plan(spec.sweep)
-    first: SceneError | None = None
-    for number in dict.fromkeys((0, plan.count // 2, plan.count - 1)):
-        try:
-            scene_of(resolved, source, plan.values([number])[0])
-            return
-        except SceneError as error:
-            first = first or error
-    if first is not None:
-        raise first
 
 
 def _tell_cost(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> int:
@@ -282,27 +202,6 @@ def _dask(text: str) -> str:
     if not ((kind == "local" and rest.isdecimal() and 1 <= int(rest) <= MOST_WORKERS) or ("://" in text and rest.strip("/"))):
         raise argparse.ArgumentTypeError(f"{text!r} must be tcp://HOST:PORT, or local:N with N from 1 to {MOST_WORKERS}")
     return text
-
-
-def slurm_script(words: Sequence[str], jobs: int, folder: Path) -> str:
-    """The script of an array of jobs; a job that is cut off and queued again goes on."""
-    kept, skip = [], False
-    for word in words:
-        if skip or word.startswith("--slurm="):
-            skip = False
-        elif word == "--slurm":
-            skip = True
-        else:
-            kept.append(word)
-    command = shlex.join([sys.executable, "-m", "mpp_taichi", *kept])
-    lines = [
-        "#!/bin/sh",
-        *(f"#SBATCH --{option}" for option in (f"job-name={folder.stem}", f"array=1-{jobs}", "ntasks=1", "cpus-per-task=1")),
-        "#SBATCH --requeue",
-        f"cd {shlex.quote(str(Path.cwd()))} || exit 1",
-        f'exec {command} --workers 1 --part "$SLURM_ARRAY_TASK_ID/{jobs}"',
-    ]
-    return "\n".join(lines)
 
 
 def _time(seconds: float) -> str:

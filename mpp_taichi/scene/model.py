@@ -5,7 +5,7 @@ written from the model that holds all of them.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -99,7 +99,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "walls", "integrators")
     )
     contacts: Any = contacts_model(chosen["contacts"])
-    sweep: Any = sweep_model(chosen["diagnostics"], chosen["quantities"], _BOUND_FIELDS)
+    sweep: Any = sweep_model(chosen["diagnostics"], chosen["quantities"], _bounds(), _measured)
     quantity = inspection.quantity_of(_entries("quantities", chosen["quantities"]), chosen["quantities"])
     panel = inspection.panel_model(quantity, _one_or_more(quantity))
     record = table_columns.record_model(_list_of(quantity))
@@ -238,17 +238,32 @@ def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:
 
 def _expect_model(diagnostics: Iterable[str], measured: Iterable[str]) -> Any:
     quantities: dict[str, Any] = {}
-    bounds = _one_or_more(create_model("Bounds", __config__=STRICT, **_BOUND_FIELDS))
+    bounds = _one_or_more(_bounds())
     for name, summary in expectations.SUMMARY_QUANTITIES.items():
         quantities[name] = (bounds, Describe(None, description=summary))
     for name in [*diagnostics, *(each for each in measured if expectations.kind_of(each) == "quantities")]:
-        kind = expectations.kind_of(name)
-        declared = component.declaration(str(kind), name)
-        reduction = expectations.reduction_fields(name) if kind == "quantities" else {}
-        keys = {**_BOUND_FIELDS, **parameter_fields(declared.parameters), **reduction}
-        body = create_model(f"{declared.class_name}Bounds", __config__=STRICT, **keys)
-        quantities[name] = (_one_or_more(body), Describe(None, description=declared.summary.split("\n\n")[0]))
+        summary = component.declaration(str(expectations.kind_of(name)), name).summary.split("\n\n")[0]
+        quantities[name] = (_one_or_more(_measured(name)), Describe(None, description=summary))
     return create_model("Expect", __config__=STRICT, **quantities)
+
+
+@cache
+def _bounds() -> Any:
+    """The bounds of a quantity that has no keys of its own."""
+    return create_model("Bounds", __config__=STRICT, **_BOUND_FIELDS)
+
+
+def _measured(name: str) -> Any:
+    """The keys of a quantity or diagnostic in `expect:` and `sweep:`: bounds, its parameters, and which value counts."""
+    kind = str(expectations.kind_of(name))
+    return _measured_from(kind, component.declaration(kind, name))
+
+
+@lru_cache(maxsize=512)
+def _measured_from(kind: str, declared: component.Declaration) -> Any:
+    reduction = expectations.reduction_fields(declared.name) if kind == "quantities" else {}
+    keys = {**_BOUND_FIELDS, **parameter_fields(declared.parameters), **reduction}
+    return create_model(f"{declared.class_name}Bounds", __config__=STRICT, **keys)
 
 
 def _one_or_more(body: Any) -> Any:

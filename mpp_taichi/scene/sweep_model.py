@@ -1,6 +1,6 @@
 """Sweep model: the block `sweep:` of a scene: the keys that vary, the quantities that are measured, when a member ends."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, create_model
@@ -12,7 +12,7 @@ from mpp_taichi.scene import expectations
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.fields import Context, Field, Flag, Number, Text, Whole, Wrong, calculate
-from mpp_taichi.scene.parameters import STRICT, parameter_fields
+from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import Expectation
 from mpp_taichi.scene.sweep_spec import AxisSpec, SampleSpec, SweepSpec
 
@@ -124,22 +124,22 @@ def _as_entry(value: Any) -> Any:
     return value
 
 
-def sweep_model(diagnostics: Iterable[str], quantities: Iterable[str], bounds: Mapping[str, Any]) -> type[BaseModel]:
-    """The model of `sweep:` for these diagnostics and quantities; `bounds` are the fields of a bound in `expect:`."""
-    bounds = {key: bounds[key] for key in expectations.BOUNDS}
+def sweep_model(
+    diagnostics: Iterable[str], quantities: Iterable[str], bounds: Any, body_of: Callable[[str], Any]
+) -> type[BaseModel]:
+    """The model of `sweep:` for these diagnostics and quantities.
+
+    `bounds` is the model of the bounds in `expect:`, `body_of` gives the model of a quantity there, of which both are made.
+    """
     members: dict[str, Any] = {}
-    bare = create_model("MeasureBounds", __config__=STRICT, **bounds)
     for name, summary in OF_EVERY_MEMBER.items():
-        members[name] = (bare | None, Describe(None, description=summary))
+        members[name] = (bounds | None, Describe(None, description=summary))
     for name in dict.fromkeys([*diagnostics, *quantities]):
         kind = expectations.kind_of(name)
         if kind is None or name in OF_EVERY_MEMBER:
             continue
-        declared = component.declaration(kind, name)
-        reduction = expectations.reduction_fields(name) if kind == "quantities" else {}
-        keys = {**bounds, **parameter_fields(declared.parameters), **reduction}
-        body = create_model(f"{declared.class_name}Measure", __config__=STRICT, **keys)
-        members[name] = (body | None, Describe(None, description=declared.summary.split("\n\n")[0]))
+        summary = component.declaration(kind, name).summary.split("\n\n")[0]
+        members[name] = (body_of(name) | None, Describe(None, description=summary))
     config = ConfigDict(**STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
     entry = create_model("Measure", __config__=config, __doc__="A quantity of a member.", **members)
     named: Any = Annotated[entry, _NameOrEntry(members)]

@@ -11,7 +11,8 @@ from mpp_taichi.scene.timeline import step_count
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow
-from mpp_taichi.sweep.replicas import Bench, MemberParticles
+from mpp_taichi.sweep.replicas import Bench
+from mpp_taichi.sweep.samples import MemberParticles
 
 
 class _Ended(Exception):

@@ -14,17 +14,16 @@ from mpp_taichi.quantities._base import NoResultError, Quantity, Setting
 from mpp_taichi.report.expectations import bound_text, diagnostic_of, holds, label_of
 from mpp_taichi.scene.expectations import kind_of, reduction_keys
 from mpp_taichi.scene.spec import Expectation, RunSpec
+from mpp_taichi.sweep.extremes import Extremes, ValuesAtTime
 from mpp_taichi.sweep.member import BROKEN, OK, STOPPED, Member, MemberRow
 from mpp_taichi.sweep.reductions import (
     EnergyErrors,
-    Extremes,
     KnownAtEnd,
     LastValues,
     ManyResults,
     Means,
     OneByOne,
     Undefined,
-    ValuesAtTime,
 )
 
 SAMPLES = 200  # of a run at least, unless the scene says how many
