@@ -62,15 +62,14 @@ def is_sweep(path: str) -> bool:
 
 def _member_of(arguments: argparse.Namespace) -> "SceneSpec":
     from mpp_taichi.scene.load import load_scene
-    from mpp_taichi.sweep.results import open_sweep
+    from mpp_taichi.sweep.store import opened
 
     if not is_sweep(arguments.scene):
         told = f"--member {arguments.member}: {arguments.scene} is no folder of a sweep"
         raise UsageError(f"{told}; `mpp-taichi sweep SCENE` makes such a folder")
     if getattr(arguments, "member", None) is None:
         raise UsageError(f"{arguments.scene} is a sweep; --member N says which of its members")
-    spec = open_sweep(arguments.scene).member(arguments.member)
-    return load_scene(spec, overrides=arguments.overrides)
+    return load_scene(opened(Path(arguments.scene)).member(arguments.member), overrides=arguments.overrides)
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:

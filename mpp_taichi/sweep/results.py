@@ -10,8 +10,9 @@ from mpp_taichi.errors import ArgumentError, MissingPackageError
 from mpp_taichi.quantities._base import Setting
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.human_units import unit_of
+from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.sweep.chunk import Columns
-from mpp_taichi.sweep.member import STATUSES, whole_scene
+from mpp_taichi.sweep.member import STATUSES
 from mpp_taichi.sweep.store import SweepStore, opened
 
 MISSING = -1
@@ -105,15 +106,13 @@ class SweepResults:
         """Path → value of a member."""
         return self.store.plan.values([member])[0]
 
-    def member(self, number: int) -> Any:
+    def member(self, number: int) -> SceneSpec:
         """The scene of a member with its pictures: `Simulation(results.member(17))` runs it alone.
 
         Raises:
             ArgumentError: there is no such member.
         """
-        if not 0 <= number < self.count:
-            raise ArgumentError(f"member {number}: the sweep has the members 0 to {self.count - 1:,}")
-        return whole_scene(self.store.resolved, self.store.source, self.values_of(number))
+        return self.store.member(number)
 
     @cached_property
     def units(self) -> dict[str, str]:

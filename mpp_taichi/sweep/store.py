@@ -12,13 +12,13 @@ import numpy as np
 
 from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.device.availability import TAICHI_VERSION
-from mpp_taichi.errors import SceneError, StateError
+from mpp_taichi.errors import ArgumentError, SceneError, StateError
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.sweep_spec import SweepSpec
 from mpp_taichi.sweep.chunk import Columns, name_of, read
-from mpp_taichi.sweep.member import UNREAD, scene_of
+from mpp_taichi.sweep.member import UNREAD, scene_of, whole_scene
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
 from mpp_taichi.sweep.structure import Own, own_of
@@ -93,6 +93,16 @@ class SweepStore:
             with suppress(SceneError):
                 specs.append(scene_of(self.resolved, self.source, values))
         return own_of(specs) if specs else frozenset()
+
+    def member(self, number: int) -> SceneSpec:
+        """The scene of a member with its pictures.
+
+        Raises:
+            ArgumentError: there is no such member.
+        """
+        if not 0 <= number < self.plan.count:
+            raise ArgumentError(f"member {number}: the sweep has the members 0 to {self.plan.count - 1:,}")
+        return whole_scene(self.resolved, self.source, self.plan.values([number])[0])
 
     @property
     def chunk_count(self) -> int:
