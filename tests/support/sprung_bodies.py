@@ -39,14 +39,14 @@ def accelerations(places):
     return np.outer([pull / MASS[0], -pull / MASS[1]], apart / r)
 
 
-def flight(field=(0.0, 0.0, 0.0)):
+def flight(field=(0.0, 0.0, 0.0), *, steps=STEPS, dt=DT):
     """Places and velocities at the start and after each step of leapfrog: half a drift, a kick, half a drift."""
     places, velocities = PLACES.copy(), VELOCITIES.copy()
     found = [(places, velocities)]
-    for _ in range(STEPS):
-        middle = places + 0.5 * DT * velocities
-        velocities = velocities + DT * (accelerations(middle) + np.array(field))
-        places = middle + 0.5 * DT * velocities
+    for _ in range(steps):
+        middle = places + 0.5 * dt * velocities
+        velocities = velocities + dt * (accelerations(middle) + np.array(field))
+        places = middle + 0.5 * dt * velocities
         found.append((places, velocities))
     return found
 
