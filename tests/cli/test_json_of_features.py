@@ -1,4 +1,4 @@
-"""The keys that `--json` of `run` has besides for contacts, implicit methods, timelines, step control and failures.
+"""The keys that `--json` of `run` has besides for contacts, implicit methods, timelines, horizons, step control and failures.
 
 The other keys are those of test_json_of_runs.py: a run may have no key that neither file names.
 """
@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import yaml
 from json_facts import Between, Matching, asked
-from sprung_bodies import SCENE
+from scipy.integrate import solve_ivp
+from sprung_bodies import DT, PLACES, SCENE, STEPS, VELOCITIES, accelerations, flight
 
 pytestmark = pytest.mark.skipif(bool(os.environ.get("MPP_TAICHI_FAST")), reason="parts that are off have keys of their own")
 WHERE = ("--headless", "--backend", "cpu", "--precision", "f64", "--plan", "serial", "--quiet", "--no-archive")
@@ -197,3 +198,36 @@ def test_a_run_that_blows_up_says_where(capsys):
     assert (found["status"], found["exit_code"], found["files"]) == ("failed", 4, [str(Path("out", "s.crash.npz"))])
     assert all(each.keys() == {"kind", "message", "time", "particle"} for each in found["findings"])
     assert found["steps"] == step - 1  # the state that is left is the last good one, and the energies are of the broken one
+
+
+def test_the_horizon_of_a_run_is_between_the_steps_where_its_error_passes_the_limit(capsys):
+    """The error is that of leapfrog in NumPy against a solution by SciPy, over the root mean square size of the run."""
+
+    def rates(_, state):
+        places, velocities = state.reshape(2, 2, 3)
+        return np.concatenate([velocities.ravel(), accelerations(places).ravel()])
+
+    start, times = np.concatenate([PLACES.ravel(), VELOCITIES.ravel()]), DT * np.arange(STEPS + 1)
+    exact = solve_ivp(rates, (0.0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13).y.T[:, :6].reshape(-1, 2, 3)
+    size = np.sqrt(np.mean(np.sum((exact - exact.mean(axis=(0, 1))) ** 2, axis=-1)))
+    errors = [np.linalg.norm(places - there, axis=1).max() / size for (places, _), there in zip(flight(), exact)]
+    _, more = ran({**SCENE, "horizon": True}, capsys)
+    found = more["horizon"]
+    after = next(k for k, error in enumerate(errors) if error > found["limit"])
+    assert more == {
+        "conserved_energy_error_max": more["conserved_energy_error_max"],
+        "horizon_seconds": Between(0.0),
+        "horizon": {
+            "found": "before_end",
+            "end": DT * STEPS,
+            "time": Between(times[after - 1], times[after]),
+            "by": "step",
+            "error": pytest.approx(1e-3),
+            "part": 1.0,
+            "share": Between(0.0),
+            "reason": "",
+            "limit": 1e-3,
+            "sentence": f"positions are valid until t ≈ {found['time']:.3g}; then the error by the step exceeds 0.001 of the "
+            "system's size",
+        },
+    }
