@@ -90,7 +90,8 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
     if tree_of(spec) is not None and forces_see_low_parts(precision):
         refused = "newtonian_gravity with solver: tree"
     if forces_have_low_parts(precision):
-        named = [entry.name for entry, force in zip(spec.forces, forces) if not force.takes_two_parts]
+        names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
+        named = [name for name, force in zip(names, forces, strict=True) if not force.takes_two_parts]
         refused = f"the force {named[0]}" if named and refused is None else refused
     if refused:
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
