@@ -369,6 +369,8 @@ def test_the_sentence_says_what_other_precisions_take():
     said = sentence(verdict(rows, "position", 1e-6))
     assert "in df64 the same takes 20 ms (10× as long), in ds and f32 nothing that was tried reaches it" in said
     assert "in df64" not in sentence(verdict(rows[:2], "position", 1e-6))
+    by_time = sentence(verdict(rows, "position", 1e-4))
+    assert 0 < by_time.find("in ds the same takes") < by_time.find("in df64 the same takes"), "the fastest is told first"
 
 
 @pytest.mark.parametrize("along", [1.0, 2.0])

@@ -10,7 +10,7 @@ import yaml
 
 import mpp_taichi as mpp
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
-from mpp_taichi.accuracy.choice import choose
+from mpp_taichi.accuracy.choice import _why, choose
 from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.offers import Offer, offers_for
 from mpp_taichi.accuracy.problem import pose
@@ -18,7 +18,7 @@ from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.sweep import StepSweep
-from mpp_taichi.accuracy.trials import SAFETY, as_run, try_offer
+from mpp_taichi.accuracy.trials import SAFETY, Trial, as_run, try_offer
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from scenes import kepler
@@ -220,3 +220,27 @@ def test_a_target_must_be_settled_before_a_simulation():
     with pytest.raises(mpp.SceneError, match="still to be chosen"):
         mpp.Simulation(scene_of(1e-6))
     assert SAFETY < 1.0
+
+
+@pytest.mark.parametrize(
+    ("is_known", "measured", "told"),
+    [
+        (True, None, "; pefrl in f64 would take 3 times as long"),  # from two runs, between which the target lies
+        (False, 4.0, "; pefrl in f64 would take 2 times as long"),  # a trial counts more than what was expected of it
+        (True, 4.0, "; pefrl in f64 would take 2 times as long"),
+        (False, None, "; no other method that was tried reaches the target in"),  # only extrapolated, and not tried
+    ],
+)
+def test_the_reason_names_other_methods_that_are_known_or_were_tried(is_known, measured, told):
+    def offer(integrator, seconds, known):
+        return Offer(integrator, "f64", "cpu", 100.0, seconds, is_known=known)
+
+    def trial(of, seconds):
+        return Trial(of, Configuration(of.integrator, 100, "f64", "cpu"), 0.1, MeasuredError(1e-6), seconds)
+
+    own, other = offer("leapfrog", 1.0, True), offer("pefrl", 6.0, is_known)
+    chosen = trial(own, 2.0)
+    reached = [chosen] if measured is None else [chosen, trial(other, measured)]
+    rows = [row(10, 1e-3, seconds=1.0, integrator=name) for name in METHODS]
+    study = SimpleNamespace(value_reference=None, problem=SimpleNamespace(span=1.0), whole=1.0, rows=lambda: rows)
+    assert told in _why(SimpleNamespace(reached=reached, offers=[own, other]), chosen, study)

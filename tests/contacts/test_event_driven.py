@@ -5,6 +5,7 @@ import pytest
 from event_runs import EventRun, box, plane
 from reference import event_by_event
 
+from mpp_taichi.contacts.events.queue import ABSENT, FIRST_BUCKET
 from mpp_taichi.errors import StabilityError
 
 ULP = 2.0**-52
@@ -223,6 +224,27 @@ def test_one_sphere_that_waits_for_ever_does_not_put_all_events_into_one_bucket(
     run.to(0.02)
     assert run.solver.queue.time.to_numpy().max() > 1e6
     assert run.solver.queue.heap_size[None] < len(x) // 4
+
+
+def test_an_event_waits_in_the_bucket_of_its_time_or_behind_the_window():
+    """Else the order may still be right, but every event costs a look at all spheres."""
+    rng = np.random.default_rng(5)
+    x = np.stack(np.meshgrid(*[np.arange(10) + 0.5] * 2, indexing="ij"), -1).reshape(-1, 2)
+    run = EventRun(x, rng.normal(size=x.shape), 0.3, period=(10.0, 10.0, 0.0))
+    noted = 0
+    for end in (1.0, 1.3, 1.7, 2.0):
+        run.to(end)
+        queue = run.solver.queue
+        time, place = queue.time.to_numpy(), queue.place.to_numpy()
+        assert queue.start[None] > 0.0 and queue.width[None] > 0.0
+        passed = (time - queue.start[None]) / queue.width[None]  # in buckets
+        bucket = FIRST_BUCKET - place
+        in_bucket = (place != ABSENT) & (place < 0)
+        noted += in_bucket.sum()
+        assert time[in_bucket].max() < 1e5 * queue.width[None]  # rounding of times, 1e-16 of each, is 1e-11 of a bucket or less
+        assert (np.abs(passed - bucket - 0.5)[in_bucket] <= 0.5 + 1e-10).all()
+        assert (passed[place == ABSENT] > queue.bucket_count - 1e-10).all()
+    assert noted > len(x), "in four windows, each of which begins with the events of most spheres"
 
 
 @pytest.mark.sampled(2)

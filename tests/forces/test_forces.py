@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import taichi as ti
 from compiled import TIME, CompiledForces, build_force, random_snapshot, snapshot_of
 from reference import accelerations
 
@@ -191,6 +192,24 @@ def test_a_spring_between_coincident_ends_exerts_nothing():
     together = np.zeros((2, 3))
     spring = component.build("forces", "spring", {"damping": "none"})
     assert np.array_equal(CompiledForces([spring], snapshot).acceleration(together, together), np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("length", [0.0, 0.2, 3.0])
+def test_the_stiffness_of_a_spring_is_the_slope_of_its_force_along_and_across(length):
+    """f = D (l − L): f′ = D along, f/l = D (1 − L/l) across; ends that coincide have no direction, and D holds all round."""
+    spring = component.build("forces", "spring", {"damping": "none"})
+    state = CompiledForces([spring], random_snapshot(2)).state
+    found = ti.field(float, 2)
+
+    @ti.kernel
+    def ask(at: float):
+        for _ in range(1):
+            found[0], found[1] = spring.stiffness(state, 0, 1, 0, at)
+
+    ask(length)
+    stiffness, rest = state.spring_stiffness[0], state.spring_rest_length[0]
+    across = stiffness * (1.0 - rest / length) if length else stiffness
+    assert found.to_numpy().tolist() == pytest.approx([stiffness, across], rel=1e-15)
 
 
 def test_massless_bodies_feel_gravity_and_exert_none():
