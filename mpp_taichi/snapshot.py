@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -218,3 +219,15 @@ class Snapshot:
         sound = math.isfinite(self.time) and self.step >= 0 and (self.dt is None or 0.0 < self.dt < math.inf)
         if not sound:
             raise ValueError(f"time {self.time}, step {self.step} and dt {self.dt} cannot be")
+
+
+def springs_differ(snapshots: Sequence[Snapshot]) -> bool:
+    """Whether the springs of some snapshots have other numbers than those of the first."""
+    first = snapshots[0].springs if snapshots else Springs()
+    return any(not _same(first, each.springs) for each in snapshots[1:])
+
+
+def _same(one: Springs, other: Springs) -> bool:
+    return one is other or all(
+        np.array_equal(getattr(one, key), getattr(other, key)) for key in ("stiffness", "damping", "rest_length")
+    )

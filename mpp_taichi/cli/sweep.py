@@ -137,24 +137,36 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
 
 def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
     """Write the table and the pictures of what is done."""
-    from mpp_taichi.sweep.page import write_page
-    from mpp_taichi.sweep.picture import draw
+    from mpp_taichi.errors import OutputError
+    from mpp_taichi.recorders._lock import OutputLock
+    from mpp_taichi.sweep.progress import held
     from mpp_taichi.sweep.results import SweepResults
-    from mpp_taichi.sweep.tables import write_csv, write_netcdf, write_parquet
 
     results = SweepResults(store)
     if done_by_part and results.done < results.count:
         return results, []
-    files = [store.folder / "members.csv"]
+    try:
+        lock = OutputLock(store.folder / "members.csv")
+    except OutputError as error:
+        if not done_by_part:
+            raise
+        say(f"{error}; it has the same rows")
+        return results, []
+    with held(lock):
+        return results, _files_of(results, store.folder)
+
+
+def _files_of(results: "SweepResults", folder: Path) -> list[Path]:
+    from mpp_taichi.sweep.page import write_page
+    from mpp_taichi.sweep.picture import draw
+    from mpp_taichi.sweep.tables import write_csv, write_netcdf, write_parquet
+
+    files = [folder / "members.csv"]
     write_csv(results, files[0])
-    if write_netcdf(results, store.folder / "sweep.nc"):
-        files.append(store.folder / "sweep.nc")
-    if write_parquet(results, store.folder / "members.parquet"):
-        files.append(store.folder / "members.parquet")
-    files += draw(results, store.folder)
-    if write_page(results, store.folder / "index.html"):
-        files.append(store.folder / "index.html")
-    return results, files
+    optional = {"sweep.nc": write_netcdf, "members.parquet": write_parquet}
+    files += [folder / name for name, write in optional.items() if write(results, folder / name)]
+    files += draw(results, folder)
+    return [*files, folder / "index.html"] if write_page(results, folder / "index.html") else files
 
 
 def _report(

@@ -17,7 +17,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.course import Phase
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
 from mpp_taichi.walls._base import Surface
 
@@ -108,7 +108,6 @@ class CompiledPhase:
 
     def _allocate(self, event_log: bool) -> tuple[ContactSolver | None, Any]:
         """The contact solver, if the scene has one, and the state with every field that the step works with."""
-        from mpp_taichi.state.half_springs import springs_differ
         from mpp_taichi.state.state import State
 
         spec, start, device, integrator = self.spec, self.particles, self.device, self.integrator

@@ -1,7 +1,6 @@
 """Half-springs: each spring as two entries, at either end, in the order in which a kernel gathers their forces."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -26,18 +25,6 @@ def values_of_replicas(starts: Sequence[Snapshot]) -> dict[str, np.ndarray]:
     """The numbers of the half-springs of each replica, one replica after the other."""
     hosts = [half_springs(start) for start in starts]
     return {name: np.concatenate([host[name] for host in hosts]) for name in VALUES}
-
-
-def springs_differ(starts: Sequence[Snapshot]) -> bool:
-    """Whether the springs of some snapshots have other numbers than those of the first."""
-    first = starts[0].springs if starts else None
-    return any(not _same(first, each.springs) for each in starts[1:])
-
-
-def _same(one: Any, other: Any) -> bool:
-    return one is other or all(
-        np.array_equal(getattr(one, key), getattr(other, key)) for key in ("stiffness", "damping", "rest_length")
-    )
 
 
 def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:

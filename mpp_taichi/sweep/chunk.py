@@ -5,7 +5,7 @@ import json
 import os
 import secrets
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,23 +56,34 @@ def columns_of(rows: Sequence[MemberRow], measures: int) -> Columns:
 
 
 def write(path: Path, columns: Columns) -> None:
-    """Write a chunk whole: into a file of this process and this moment, onto the disk, and then under its name.
+    """Write a chunk.
 
     Raises:
         OutputError: it cannot be written.
+    """
+    write_whole(path, lambda stream: np.savez(stream, **vars(columns)), "a chunk of the sweep")
+
+
+def write_whole(path: Path, fill: Callable[[Any], object], what: str) -> None:
+    """Write a file whole: under a name of this process and this moment, onto the disk, and then under its name.
+
+    So several processes may write the same file at the same time.
+
+    Raises:
+        OutputError: it cannot be written; says `what` was to be in it.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with open(temporary, "xb") as stream:
-            np.savez(stream, **vars(columns))
+            fill(stream)
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
         _sync_folder(path.parent)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot write a chunk of the sweep: {reason(error)}") from error
+        raise OutputError(f"{path}: cannot write {what}: {reason(error)}") from error
 
 
 def read(path: Path, numbers: np.ndarray, measures: int) -> Columns | None:

@@ -1,11 +1,12 @@
 """Progress: lines with the time that is left, and a picture of the part that is done."""
 
 import time as clock
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from mpp_taichi.errors import MppError
+from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.sweep.member import STATUSES
 from mpp_taichi.sweep.picture import draw
 from mpp_taichi.sweep.results import SweepResults
@@ -47,10 +48,19 @@ class Progress:
     def picture(self) -> None:
         """Draw what is done; a picture of a part is no reason to end the sweep."""
         began = clock.monotonic()
-        with suppress(MppError, OSError):
+        with suppress(MppError, OSError), held(OutputLock(self.store.folder / "picture.png")):
             draw(SweepResults(self.store), self.store.folder)
         self._drawn = clock.monotonic()
         self._drawing = self._drawn - began
+
+
+@contextmanager
+def held(lock: OutputLock) -> Iterator[None]:
+    """A block that holds a lock, and gives it back."""
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _time(seconds: float) -> str:

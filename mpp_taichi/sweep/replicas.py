@@ -9,9 +9,9 @@ import numpy as np
 from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.simulation.simulation import Simulation
+from mpp_taichi.snapshot import springs_differ
 from mpp_taichi.stability import StepGuard
 from mpp_taichi.stability.network import drag_of
-from mpp_taichi.state.half_springs import springs_differ
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, MemberRow
 from mpp_taichi.sweep.samples import MemberMoment

@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.atomic_file import whole_text
 from mpp_taichi.device.availability import TAICHI_VERSION
 from mpp_taichi.errors import ArgumentError, SceneError, StateError
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.sweep_spec import SweepSpec
-from mpp_taichi.sweep.chunk import Columns, name_of, read
+from mpp_taichi.sweep.chunk import Columns, name_of, read, write_whole
 from mpp_taichi.sweep.member import UNREAD, scene_of, whole_scene
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
@@ -141,7 +140,11 @@ class SweepStore:
             "members": self.plan.count,
             "versions": self.known["versions"],
         }
-        whole_text(self.folder / FILE, json.dumps(facts, indent=1), "the description of the sweep")
+        text, path = json.dumps(facts, indent=1), self.folder / FILE
+        with suppress(OSError):
+            if path.read_text(encoding="utf-8") == text:
+                return
+        write_whole(path, lambda stream: stream.write(text.encode()), "the description of the sweep")
 
 
 def opened(folder: Path) -> SweepStore:

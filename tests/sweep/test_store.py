@@ -242,3 +242,17 @@ def test_parquet_has_the_rows_of_the_table(whole):
     read = parquet.read_table(whole / "members.parquet").to_pydict()
     rows = list(csv.DictReader(table(whole).decode().splitlines()))
     assert [float(row["distance"]) for row in rows] == read["distance"] and [row["status"] for row in rows] == read["status"]
+
+
+def test_parts_that_run_at_the_same_time_disturb_each_other_not(scene, whole):
+    words = [sys.executable, "-m", "mpp_taichi", "sweep", "s.yaml", "--quiet", "--workers", "1", "--chunk", "6"]
+    parts = [subprocess.Popen([*words, "--part", f"{k}/3"], stderr=subprocess.PIPE, text=True) for k in (1, 2, 3)]
+    said = [part.communicate(timeout=180)[1] for part in parts]
+    assert [part.returncode for part in parts] == [0, 0, 0], said
+    assert table() == table(whole)
+    assert not [path for path in Path("out/s.sweep").rglob("*") if path.suffix in (".part", ".lock")]
+
+
+def test_a_worker_answers_before_taichi_prints_its_banner():
+    code = "import sys, mpp_taichi.sweep.worker, mpp_taichi.cli.sweep; sys.exit('taichi' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
