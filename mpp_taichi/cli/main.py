@@ -141,7 +141,8 @@ def _dispatch(words: list[str]) -> int:
         parser.print_help()
         return 0
     switch.check_variable()
-    chosen.words = words
+    if chosen.verb == "sweep":  # whose script for SLURM repeats them
+        chosen.words = words
     return VERBS[chosen.verb].execute(chosen)
 
 
