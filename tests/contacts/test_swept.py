@@ -306,7 +306,7 @@ def test_spheres_that_are_put_elsewhere_between_drifts_are_noticed():
     state, sweep = sweep_of(position, velocity, setup, all_pairs=False)
     for step in range(20):
         sweep.drift(0.03 * step, 0.03)
-    assert sweep.is_listed
+    assert sweep.parts.candidates.is_listed
     sweep.collect()
     position, velocity = state.read()
     state.write(position[::-1], velocity)
