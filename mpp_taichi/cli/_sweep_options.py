@@ -48,7 +48,7 @@ def add_plan(parser: argparse.ArgumentParser) -> None:
 
 
 def block_of(arguments: argparse.Namespace, written: Any) -> dict[str, Any] | None:
-    """The block `sweep:`: that of the scene, as plain data or None, with the options in place of its keys.
+    """The block `sweep:` as plain data: the block that the scene has, if any, in which options replace the keys of their names.
 
     Raises:
         UsageError: an option cannot be read.

@@ -10,6 +10,7 @@ from mpp_taichi.cli._terminal import UsageError
 
 if TYPE_CHECKING:
     from mpp_taichi.sweep.cost import Cost
+    from mpp_taichi.sweep.plan import Plan
     from mpp_taichi.sweep.store import SweepStore
 
 
@@ -31,10 +32,10 @@ def asked_for(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
         )
     if spec.run.duration is None and spec.run.steps is None:
         raise UsageError(f"sweep: {source} has no run.duration; --until T or --steps N says how long a member runs")
-    check_paths(resolved, source, spec)
+    plan = Plan(spec.sweep)
+    check_paths(resolved, source, plan)
     require_room(spec)
     start = assemble(spec)
-    plan = Plan(spec.sweep)
     cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
     precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
     folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
@@ -70,7 +71,7 @@ def _resolved(arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return resolved, spec.source
 
 
-def check_paths(resolved: dict[str, Any], source: str, spec: Any) -> None:
+def check_paths(resolved: dict[str, Any], source: str, plan: "Plan") -> None:
     """Refuse a path that the scene does not have, before members are refused one by one.
 
     Raises:
@@ -78,9 +79,7 @@ def check_paths(resolved: dict[str, Any], source: str, spec: Any) -> None:
     """
     from mpp_taichi.errors import SceneError
     from mpp_taichi.sweep.member import scene_of
-    from mpp_taichi.sweep.plan import Plan
 
-    plan = Plan(spec.sweep)
     first: SceneError | None = None
     for number in dict.fromkeys((0, plan.count // 2, plan.count - 1)):
         try:

@@ -121,6 +121,13 @@ class WorkerProcess:
             self._process.wait(END_SECONDS)
         self.kill()
 
+    def leave(self, *, at_once: bool) -> None:
+        """End the worker; `at_once`: by a signal, where its answer is not waited for any more."""
+        if at_once:
+            self.kill()
+        else:
+            self.end()
+
     def kill(self) -> None:
         """Kill the worker now."""
         if self._process.poll() is None:

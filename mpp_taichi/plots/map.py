@@ -11,7 +11,7 @@ from PIL import Image
 from mpp_taichi.plots.axis import Axis, Tick
 from mpp_taichi.plots.painters import Painter, PicturePainter, SvgPainter
 from mpp_taichi.plots.svg import FONTS
-from mpp_taichi.plots.theme import DARK, LIGHT, Rgb, Theme
+from mpp_taichi.plots.theme import DARK, LIGHT, Theme
 
 # Every 32nd colour of viridis by S. van der Walt and N. Smith (2015), which they gave into the public domain (CC0).
 VIRIDIS = np.array(
@@ -183,14 +183,16 @@ def draw_picture(plot: Map, size: tuple[int, int], theme: Theme = DARK) -> Image
 def draw_svg(plot: Map, size: tuple[int, int], theme: Theme = LIGHT) -> str:
     """The map as SVG: its cells are a small picture inside, its letters are letters."""
     frame, painter = MapFrame(size, letters_of(size)), SvgPainter()
-    parts = [f'<rect width="{size[0]}" height="{size[1]}" fill="{_hex(theme.background)}"/>']
+    painter.rectangle((0, 0, *size), theme.background)
     for box, part in ((frame.field, raster(plot, theme)), (frame.bar, _bar())):
         left, top, right, bottom = box
         place = f'x="{left}" y="{top}" width="{right - left}" height="{bottom - top}"'
-        parts.append(f'<image {place} preserveAspectRatio="none" style="image-rendering:pixelated" href="{_data(part)}"/>')
+        painter.elements.append(
+            f'<image {place} preserveAspectRatio="none" style="image-rendering:pixelated" href="{_data(part)}"/>'
+        )
     frame.draw(painter, plot, theme)
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]} {size[1]}" width="{size[0]}" height="{size[1]}"'
-    return "\n".join([f'{head} font-family="{FONTS}">', *parts, *painter.elements, "</svg>\n"])
+    return "\n".join([f'{head} font-family="{FONTS}">', *painter.elements, "</svg>\n"])
 
 
 def letters_of(size: tuple[int, int]) -> int:
@@ -206,10 +208,6 @@ def _data(part: Image.Image) -> str:
     stream = io.BytesIO()
     part.save(stream, "PNG")
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
-
-
-def _hex(color: Rgb) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*color)
 
 
 def coarse_fill(values: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ DISTRIBUTABLE = "OfEach"
 """Base of quantities that every particle, or every spring, has for itself."""
 
 
-class _WordOrEntry:
+class WordOrEntry:
     """An entry {quantity: {parameters}}, or only the word for a quantity without parameters."""
 
     def __init__(self, words: Sequence[str]) -> None:
@@ -43,12 +43,14 @@ class _WordOrEntry:
 
 
 def _as_entry(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: {} if keys is None else keys for name, keys in value.items()}
     return {value: {}} if isinstance(value, str) else value
 
 
 def quantity_of(entry: Any, names: Sequence[str]) -> Any:
     """The type of a quantity: `entry`, or the name of a quantity that needs no parameters."""
-    return Annotated[entry, _WordOrEntry([name for name in names if _needs_nothing(name)])]
+    return Annotated[entry, WordOrEntry([name for name in names if _needs_nothing(name)])]
 
 
 def _needs_nothing(name: str) -> bool:

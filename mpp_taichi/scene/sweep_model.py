@@ -5,13 +5,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, create_model
 from pydantic import Field as Describe
-from pydantic_core import core_schema
 
 from mpp_taichi import component
 from mpp_taichi.scene import expectations
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.fields import Context, Field, Flag, Number, Text, Whole, Wrong, calculate
+from mpp_taichi.scene.inspection import WordOrEntry
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import Expectation
 from mpp_taichi.scene.sweep_spec import AxisSpec, SampleSpec, SweepSpec
@@ -101,29 +101,6 @@ class _Sample(Field):
         return {"type": "object", "properties": keys, "additionalProperties": False}
 
 
-class _NameOrEntry:
-    """An entry {quantity: {keys}}, or only the name of a quantity."""
-
-    def __init__(self, names: Iterable[str]) -> None:
-        self.names = list(names)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Make a mapping of the name before it is checked."""
-        return core_schema.no_info_before_validator_function(_as_entry, handler(source))
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        """A name, or a mapping."""
-        return {"anyOf": [{"type": "string", "enum": self.names}, handler(core)]}
-
-
-def _as_entry(value: Any) -> Any:
-    if isinstance(value, str):
-        return {value: {}}
-    if isinstance(value, dict):
-        return {key: {} if entry is None else entry for key, entry in value.items()}
-    return value
-
-
 def sweep_model(
     diagnostics: Iterable[str], quantities: Iterable[str], bounds: Any, body_of: Callable[[str], Any]
 ) -> type[BaseModel]:
@@ -142,7 +119,7 @@ def sweep_model(
         members[name] = (body_of(name) | None, Describe(None, description=summary))
     config = ConfigDict(**STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
     entry = create_model("Measure", __config__=config, __doc__="A quantity of a member.", **members)
-    named: Any = Annotated[entry, _NameOrEntry(members)]
+    named: Any = Annotated[entry, WordOrEntry(list(members))]
     return create_model(
         "Sweep",
         __config__=STRICT,

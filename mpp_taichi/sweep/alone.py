@@ -10,7 +10,7 @@ from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.timeline import step_count
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.sweep.gauges import Gauges, stride_of
-from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow
+from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow, one_line, refused
 from mpp_taichi.sweep.replicas import Bench
 from mpp_taichi.sweep.samples import MemberParticles
 
@@ -71,12 +71,10 @@ class _Looker:
 def run_alone(member: Member, bench: Bench) -> MemberRow:
     """The row of a member."""
     spec, device = member.spec, bench.device
-    assert spec.sweep is not None
-    nothing = [float("nan")] * len(spec.sweep.measure)
     try:
         simulation = Simulation(spec, backend=device.backend, precision=device.precision, threads=device.threads)
     except MppError as error:
-        return MemberRow(member.number, REFUSED, nothing, reason=_line(error))
+        return refused(member.number, error)
     with simulation:
         total = spec.run.steps if spec.run.duration is None else step_count(spec, spec.run.duration)
         gauges = Gauges([member], stride_of(spec.run, total or 0), simulation.device.precision)
@@ -90,11 +88,7 @@ def run_alone(member: Member, bench: Bench) -> MemberRow:
             pass
         except StabilityError as error:
             status = DIVERGED if simulation.step_count > 0 or gauges.due[0] > 0 else REFUSED
-            gauges.end(0, simulation.time, simulation.step_count, status=status, reason=_line(error))
+            gauges.end(0, simulation.time, simulation.step_count, status=status, reason=one_line(error))
         row = gauges.rows[0]
         assert row is not None
         return row
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -14,7 +14,7 @@ from mpp_taichi.device.thread_count import start_thread
 
 MODULE = "mpp_taichi.sweep.worker"
 LOOK_SECONDS = 0.05
-LONGEST_SECONDS = 7 * 24 * 3600.0  # of one chunk: members may be long, and nobody else waits for them
+LONGEST_SECONDS = 7 * 24 * 3600.0  # of one chunk: the run of a single member may take days
 TRIES = 2  # of a chunk whose process has died
 
 
@@ -96,10 +96,8 @@ class Processes:
             self._error = error
             self._stopped.set()
         finally:
-            if worker is not None and self._stopped.is_set():
-                worker.kill()
-            elif worker is not None:
-                worker.end()
+            if worker is not None:
+                worker.leave(at_once=self._stopped.is_set())
 
     def _look(self) -> None:
         if self._stopped.is_set():

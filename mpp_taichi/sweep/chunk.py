@@ -33,10 +33,15 @@ class Columns:
     reason: np.ndarray
 
 
-def name_of(known: Mapping[str, Any], values: Sequence[Mapping[str, Any]], numbers: Sequence[int]) -> str:
-    """The name of a chunk of these members; `known` is what all results of the sweep depend on, as plain values."""
-    text = json.dumps([known, list(values), [int(number) for number in numbers]], sort_keys=True, default=str)
+def name_of(known: str, values: Sequence[Mapping[str, Any]], numbers: Sequence[int]) -> str:
+    """The name of a chunk of these members; `known` is the text of what all results of the sweep depend on."""
+    text = f"[{known}, {plain_text(list(values))}, {plain_text(list(numbers))}]"
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS] + SUFFIX
+
+
+def plain_text(value: Any) -> str:
+    """Plain values as a text that is the same for equal values."""
+    return json.dumps(value, sort_keys=True, default=str)
 
 
 def columns_of(rows: Sequence[MemberRow], measures: int) -> Columns:

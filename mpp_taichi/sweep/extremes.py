@@ -11,7 +11,7 @@ from mpp_taichi.arithmetic.hermite import cubic
 from mpp_taichi.diagnostics._reductions import ROUNDING
 from mpp_taichi.diagnostics._track import SAMPLE_ANGLE
 from mpp_taichi.quantities._base import Quantity
-from mpp_taichi.sweep.reductions import ManyResults
+from mpp_taichi.sweep.reductions import ManyResults, PartOfRuns
 
 
 class Extremes(ManyResults):
@@ -22,34 +22,29 @@ class Extremes(ManyResults):
     ) -> None:
         """There are no samples yet."""
         self.expect(count)
-        self.quantity, self._after, self._until = quantity, after, until
+        self.quantity, self._part = quantity, PartOfRuns(count, after, until)
         self._sign = -1.0 if largest else 1.0
         self._smallest = np.full(count, np.inf)
-        self._seen, self._is_over = np.zeros(count, bool), np.zeros(count, bool)
+        self._seen = np.zeros(count, bool)
         self._has_two = np.zeros(count, bool)  # samples, which tell how fast the quantity changes
         self._middle, self._time, self._value, self._rate = (np.zeros(count) for _ in range(4))
         self._farthest, self._fastest, self._steepest = (np.zeros(count) for _ in range(3))
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
         """Account for the sample, and for the time since the sample before it."""
-        takes = ~self._is_over[who]
-        if self._until is not None:
-            self._is_over[who] |= sample.time >= self._until
-        if self._after is not None and sample.time < self._after:
-            takes[:] = False
+        takes = self._part.takes(sample.time, who)
+        self.interval[who] = self._part.limited(np.full(len(who), np.inf), sample.time)
         if not takes.any():
-            self.interval[who] = self._limited(np.full(len(who), np.inf), sample.time)
             return
         value = self._sign * self.quantity.measure_many(sample)
         who_takes = who[takes]
         if not self.quantity.has_rate:
             self._smallest[who_takes] = np.fmin(self._smallest[who_takes], value[takes])
-            self.interval[who] = self._limited(np.full(len(who), np.inf), sample.time)
             return
         rate = self._sign * self.quantity.rate_many(sample)
         self._follow(who_takes, sample.time, value[takes], rate[takes])
         wanted = self.quantity.sampling_interval_many(sample)
-        self.interval[who] = self._limited(self._by_rates(who) if wanted is None else wanted, sample.time)
+        self.interval[who] = self._part.limited(self._by_rates(who) if wanted is None else wanted, sample.time)
 
     def _follow(self, who: np.ndarray, time: float, value: np.ndarray, rate: np.ndarray) -> None:
         first = ~self._seen[who]
@@ -76,16 +71,10 @@ class Extremes(ManyResults):
         wanted = np.where(fastest > 0.0, SAMPLE_ANGLE / np.where(fastest > 0.0, fastest, 1.0), np.inf)
         return np.where(self._has_two[who], wanted, 0.0)
 
-    def _limited(self, wanted: np.ndarray, time: float) -> np.ndarray:
-        ends = [end - time for end in (self._after, self._until) if end is not None and end > time]
-        if self._until is not None and time >= self._until:
-            return np.full_like(wanted, np.inf)
-        return np.minimum(wanted, min(ends)) if ends else wanted
-
     def results(self) -> np.ndarray:
         """The extremes; NaN where the run has not come to the end of the part that counts."""
         found = np.where(np.isfinite(self._smallest), self._sign * self._smallest, np.nan)
-        return found if self._until is None else np.where(self._is_over, found, np.nan)
+        return self._part.ended(found)
 
 
 class ValuesAtTime(ManyResults):

@@ -18,12 +18,11 @@ from mpp_taichi.sweep.extremes import Extremes, ValuesAtTime
 from mpp_taichi.sweep.member import BROKEN, OK, STOPPED, Member, MemberRow
 from mpp_taichi.sweep.reductions import (
     EnergyErrors,
-    KnownAtEnd,
     LastValues,
     ManyResults,
     Means,
+    NotMeasured,
     OneByOne,
-    Undefined,
 )
 
 SAMPLES = 200  # of a run at least, unless the scene says how many
@@ -81,40 +80,48 @@ class Gauges:
             values = np.full(len(self.members), sample.time) if is_time else guard.results()
             for k in who[np.isfinite(values[who])].tolist():
                 if self.rows[k] is None and not holds(condition, values[k], self.precision):
-                    bound = bound_text(condition, self.precision, values[k])
-                    told = f"{label_of(condition, self._setting)} = {values[k]:.6g}, not {bound}"
-                    self.end(k, sample.time, step, status=STOPPED, reason=told)
+                    self.end(k, sample.time, step, status=STOPPED, reason=self._beyond(condition, values[k]))
 
     def end(self, k: int, time: float, step: int, *, status: str = OK, particle: int = -1, reason: str = "") -> None:
         """The member k has ended; its last sample was taken then, unless it broke down."""
-        for gauge in (*self._gauges, *self._guards):
-            gauge.finish(k)
-        ends = {"steps": float(step)}
-        values = [
-            ends.get(measure.quantity, time) if measure.quantity in CLOCK else float(gauge.results()[k])
-            for measure, gauge in zip(self._measures, self._gauges, strict=True)
-        ]
-        if status == OK:
-            for measure, value in zip(self._measures, values, strict=True):
-                if _is_bounded(measure) and not (np.isfinite(value) and holds(measure, value, self.precision)):
-                    status = BROKEN
-                    reason = (
-                        f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
-                    )
-                    break
-        self.rows[k] = MemberRow(self.members[k].number, status, values, time, step, particle, reason)
+        self._end([k], time, step, status, particle, reason)
 
     def end_all(self, time: float, step: int) -> None:
         """All members that are left have reached the end of the run, and had their last sample then."""
-        for k in self.active:
-            self.end(int(k), time, step)
+        self._end(self.active.tolist(), time, step, OK, -1, "")
+
+    def _end(self, who: Sequence[int], time: float, step: int, status: str, particle: int, reason: str) -> None:
+        for k in who:
+            for gauge in (*self._gauges, *self._guards):
+                gauge.finish(k)
+        results = [gauge.results() for gauge in self._gauges]
+        ends = {"steps": float(step)}
+        for k in who:
+            values = [
+                ends.get(measure.quantity, time) if measure.quantity in CLOCK else float(found[k])
+                for measure, found in zip(self._measures, results, strict=True)
+            ]
+            broken = self._broken_bound(values) if status == OK else ""
+            told = BROKEN if broken else status
+            self.rows[k] = MemberRow(self.members[k].number, told, values, time, step, particle, broken or reason)
+
+    def _broken_bound(self, values: Sequence[float]) -> str:
+        """The first measure that is beyond a bound of its own, with the bound; empty where there is none."""
+        for measure, value in zip(self._measures, values, strict=True):
+            if _is_bounded(measure) and not (np.isfinite(value) and holds(measure, value, self.precision)):
+                return self._beyond(measure, value)
+        return ""
+
+    def _beyond(self, measure: Expectation, value: float) -> str:
+        """`distance(of=planet) = 3.1, not < 3`."""
+        return f"{label_of(measure, self._setting)} = {value:.6g}, not {bound_text(measure, self.precision, value)}"
 
 
 def _reduction(measure: Expectation, members: Sequence[Member], settings: Sequence[Setting]) -> ManyResults:
     """The reduction of a measure, in arrays where the quantity can be measured so."""
     count, name = len(members), measure.quantity
     if name in CLOCK:
-        return KnownAtEnd(count)
+        return NotMeasured(count)
     if name == "relative_energy_error_max":
         return EnergyErrors(count)
     if kind_of(name) == "quantities":
@@ -125,7 +132,7 @@ def _reduction(measure: Expectation, members: Sequence[Member], settings: Sequen
             try:
                 quantity.begin(settings[0])
             except NoResultError:
-                return Undefined(count)
+                return NotMeasured(count)
             return _in_arrays(count, quantity, **keys)
     return OneByOne([diagnostic_of(measure) for _ in members], settings)
 

@@ -82,8 +82,14 @@ def made(number: int, resolved: Mapping[str, Any], source: str, values: Mapping[
         spec = scene_of(resolved, source, values)
         return Member(number, spec, assemble(spec))
     except MppError as error:
-        return MemberRow(number, REFUSED, reason=_line(error))
+        return refused(number, error)
 
 
-def _line(error: Exception) -> str:
+def refused(number: int, error: Exception | str) -> MemberRow:
+    """The row of a member that is not run, with the message on one line."""
+    return MemberRow(number, REFUSED, reason=one_line(error))
+
+
+def one_line(error: Exception | str) -> str:
+    """A message without its ends of lines."""
     return " ".join(str(error).split())

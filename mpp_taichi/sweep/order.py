@@ -7,7 +7,7 @@ def coarse_to_fine(shape: tuple[int, ...], *, spread: bool = True) -> np.ndarray
     """All members of a grid, those of a coarse grid first, then those of grids twice as fine along each axis.
 
     The grid of the level l consists of the multiples of 2^(L − l) along each axis, L so large that level 0 holds only the first
-    place. Without `spread` the order is that of the numbers, as for random members, whose first ones are a sample already.
+    place. Without `spread` members come by their numbers: the first of many random members are a random sample already.
     """
     count = int(np.prod(shape))
     if not spread:

@@ -65,18 +65,16 @@ def write_page(results: SweepResults, path: Path) -> bool:
 
 def page(results: SweepResults) -> str:
     """The page, which needs nothing from elsewhere."""
-    wide = [k for k, size in enumerate(results.shape) if size > 1]
-    is_map = results.store.plan.is_grid and len(wide) == 2
     counts = ", ".join(f"{number:,} {word}" for word, number in results.counts().items())
     body = ["<p>A click on a member shows its numbers, and the command that runs it by itself.</p>"]
-    if is_map:
+    if results.is_map:
         for name in results.names:
             drawn = maps.draw_svg(map_of(results, name), SIZE)
             body.append(drawn.replace("<svg ", '<svg data-map="1" style="max-width:100%;height:auto;cursor:crosshair" ', 1))
     else:
         body.append(_list(results))
     body.append('<table id="member"></table><p><code id="command"></code></p>')
-    body.append(f'<script type="application/json" id="data">{_data(results, wide, is_map)}</script><script>{SCRIPT}</script>')
+    body.append(f'<script type="application/json" id="data">{_data(results)}</script><script>{SCRIPT}</script>')
     title = results.store.scene.title or Path(results.store.source).stem
     return framed(f"Sweep of {title}", f"{results.count:,} members: {counts}.", [], body, f"mpp_taichi {__version__}")
 
@@ -92,7 +90,7 @@ def _list(results: SweepResults) -> str:
     return f'<div class="wide"><table>{"".join(rows)}</table></div>'
 
 
-def _data(results: SweepResults, wide: list[int], is_map: bool) -> str:
+def _data(results: SweepResults) -> str:
     columns = results.store.plan.columns(np.arange(results.count))
     words = sorted(set(results.status.tolist()))
     reasons = results.column("reason")
@@ -109,7 +107,7 @@ def _data(results: SweepResults, wide: list[int], is_map: bool) -> str:
         "command": f"mpp-taichi run {results.store.folder} --member ",
         "size": list(SIZE),
         "field": list(frame.field),
-        "shape": [results.shape[k] for k in wide] if is_map else [0, 0],
+        "shape": [results.shape[k] for k in results.wide] if results.is_map else [0, 0],
     }
     return json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
 

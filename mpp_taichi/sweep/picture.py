@@ -36,8 +36,7 @@ def draw(results: SweepResults, folder: Path) -> list[Path]:
 
 def _drawn(results: SweepResults, name: str) -> tuple[Callable[[], Image.Image], Callable[[], str]] | None:
     """How the measure is drawn as a picture and as SVG."""
-    wide = [k for k, size in enumerate(results.shape) if size > 1]
-    if results.store.plan.is_grid and len(wide) == 2:
+    if results.is_map:
         plot = map_of(results, name)
         return (lambda: maps.draw_picture(plot, SIZE)), (lambda: maps.draw_svg(plot, SIZE))
     panel = curve_of(results, name) if results.store.sweep.sample is None else histogram_of(results, name)
@@ -49,7 +48,7 @@ def _drawn(results: SweepResults, name: str) -> tuple[Callable[[], Image.Image],
 
 def map_of(results: SweepResults, name: str) -> maps.Map:
     """The map of a measure over the two keys that have several values."""
-    wide = [k for k, size in enumerate(results.shape) if size > 1]
+    wide = results.wide
     shape = [results.shape[k] for k in wide]
     values = results[name].reshape(shape).astype(float)
     known = (results["status"] != "missing").reshape(shape)
@@ -62,8 +61,7 @@ def map_of(results: SweepResults, name: str) -> maps.Map:
 
 def curve_of(results: SweepResults, name: str) -> Plot | None:
     """The measure over the first key that has several values; the mean and the band of all values of the other keys."""
-    wide = [k for k, size in enumerate(results.shape) if size > 1]
-    axis = wide[0] if wide else 0
+    axis = next(iter(results.wide), 0)
     path = list(results.axes)[axis]
     x = results.axes[path] if results.store.plan.is_grid else next(iter(results.axes.values()))
     if x.dtype == object:

@@ -38,23 +38,8 @@ class ManyResults(ABC):
         """The numbers so far, (members,); NaN where there is none."""
 
 
-class KnownAtEnd(ManyResults):
-    """A number that only the end of a member tells; it asks for no samples."""
-
-    def __init__(self, count: int) -> None:
-        """Nothing is measured."""
-        self.expect(count)
-
-    def observe(self, sample: Any, who: np.ndarray) -> None:
-        """Nothing."""
-
-    def results(self) -> np.ndarray:
-        """Nothing is known."""
-        return np.full(self.count, np.nan)
-
-
-class Undefined(ManyResults):
-    """A quantity that is not defined for these scenes."""
+class NotMeasured(ManyResults):
+    """No number: only the end of a member tells it, or it is not defined for these scenes. It asks for no samples."""
 
     def __init__(self, count: int) -> None:
         """Nothing is measured."""
@@ -66,6 +51,33 @@ class Undefined(ManyResults):
     def results(self) -> np.ndarray:
         """No numbers."""
         return np.full(self.count, np.nan)
+
+
+class PartOfRuns:
+    """The part of each run that counts: from `after` to the first sample from `until` on, by default the whole run."""
+
+    def __init__(self, count: int, after: float | None, until: float | None) -> None:
+        """There are no samples yet."""
+        self._after, self._until = after, until
+        self._is_over = np.zeros(count, bool)
+
+    def takes(self, time: float, who: np.ndarray) -> np.ndarray:
+        """Whether the sample at this time counts, for each of these members; called once for each sample."""
+        found = ~self._is_over[who]
+        if self._until is not None:
+            self._is_over[who] |= time >= self._until
+        return found if self._after is None or time >= self._after else np.zeros(len(who), bool)
+
+    def limited(self, wanted: np.ndarray, time: float) -> np.ndarray:
+        """The wanted times until the next samples, but no longer than to the beginning or the end of the part."""
+        if self._until is not None and time >= self._until:
+            return np.full_like(wanted, np.inf)
+        ends = [end - time for end in (self._after, self._until) if end is not None and end > time]
+        return np.minimum(wanted, min(ends)) if ends else wanted
+
+    def ended(self, results: np.ndarray) -> np.ndarray:
+        """The results; NaN for a member whose run has not come to the end of the part."""
+        return results if self._until is None else np.where(self._is_over, results, np.nan)
 
 
 class LastValues(ManyResults):
@@ -98,24 +110,14 @@ class Means(ManyResults):
     def __init__(self, count: int, quantity: Quantity, *, after: float | None = None, until: float | None = None) -> None:
         """There are no samples yet."""
         self.expect(count)
-        self.quantity, self._after, self._until = quantity, after, until
-        self._area, self._begin, self._time, self._value = (
-            np.zeros(count),
-            np.full(count, np.nan),
-            np.zeros(count),
-            np.zeros(count),
-        )
-        self._is_over = np.zeros(count, bool)
+        self.quantity, self._part = quantity, PartOfRuns(count, after, until)
+        self._area, self._time, self._value = (np.zeros(count) for _ in range(3))
+        self._begin = np.full(count, np.nan)
 
     def observe(self, sample: Any, who: np.ndarray) -> None:
         """Account for the sample."""
-        takes = ~self._is_over[who]
-        if self._until is not None:
-            self._is_over[who] |= sample.time >= self._until
-        if self._after is not None and sample.time < self._after:
-            takes[:] = False
-        ends = [end - sample.time for end in (self._after, self._until) if end is not None and end > sample.time]
-        self.interval[who] = min(ends, default=np.inf)
+        takes = self._part.takes(sample.time, who)
+        self.interval[who] = self._part.limited(np.full(len(who), np.inf), sample.time)
         if not takes.any():
             return
         value, who = self.quantity.measure_many(sample)[takes], who[takes]
@@ -131,7 +133,7 @@ class Means(ManyResults):
         found = np.where(
             span > 0.0, self._area / np.where(span > 0.0, span, 1.0), np.where(np.isnan(span), np.nan, self._value)
         )
-        return found if self._until is None else np.where(self._is_over, found, np.nan)
+        return self._part.ended(found)
 
 
 class EnergyErrors(ManyResults):

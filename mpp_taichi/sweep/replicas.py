@@ -13,7 +13,7 @@ from mpp_taichi.snapshot import springs_differ
 from mpp_taichi.stability import StepGuard
 from mpp_taichi.stability.network import drag_of
 from mpp_taichi.sweep.gauges import Gauges, stride_of
-from mpp_taichi.sweep.member import DIVERGED, REFUSED, STALLED, Member, MemberRow
+from mpp_taichi.sweep.member import DIVERGED, STALLED, Member, MemberRow, refused
 from mpp_taichi.sweep.samples import MemberMoment
 
 KEPT = 4  # simulations whose kernels are kept for the next chunk
@@ -59,12 +59,6 @@ class Bench:
         known.place_replicas(starts, scenes)
         return known
 
-    def close(self) -> None:
-        """Give the memory back."""
-        for simulation in self._kept.values():
-            simulation.close()
-        self._kept.clear()
-
 
 def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[MemberRow]:
     """The rows of members with the same structure, in their order.
@@ -75,13 +69,13 @@ def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list
     try:
         simulation = bench.simulation(key, members)
     except MppError as error:
-        return [_refused(each, str(error)) for each in members]
+        return [refused(each.number, error) for each in members]
     total, rest = _length(simulation)
     reasons = _refusals(members, simulation, total)
-    if refused := [_refused(each, why) for each, why in zip(members, reasons, strict=True) if why]:
+    if any(reasons):
         others = [each for each, why in zip(members, reasons, strict=True) if not why]
-        rows = {row.number: row for row in (*refused, *(run_together(key, others, bench) if others else ()))}
-        return [rows[each.number] for each in members]
+        rows = {row.number: row for row in (run_together(key, others, bench) if others else ())}
+        return [rows.get(each.number) or refused(each.number, why) for each, why in zip(members, reasons, strict=True)]
     gauges = Gauges(members, stride_of(spec.run, total), simulation.device.precision)
     looks = _Looks(simulation, members, gauges)
     step = 0
@@ -157,12 +151,3 @@ def _refusals(members: Sequence[Member], simulation: Simulation, steps: int) -> 
                 known[judged] = str(error)
         found.append(known[judged])
     return found
-
-
-def _refused(member: Member, reason: str) -> MemberRow:
-    return MemberRow(member.number, REFUSED, _nothing(member), reason=" ".join(reason.split()))
-
-
-def _nothing(member: Member) -> list[float]:
-    assert member.spec.sweep is not None
-    return [float("nan")] * len(member.spec.sweep.measure)

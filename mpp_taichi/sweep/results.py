@@ -79,6 +79,21 @@ class SweepResults:
         return np.array([*STATUSES, "missing"])[self._status]
 
     @property
+    def fields(self) -> list[str]:
+        """The columns of FIELDS whose names no measure has."""
+        return [name for name in FIELDS if name not in self.names]
+
+    @property
+    def wide(self) -> list[int]:
+        """Numbers of the keys that have several values."""
+        return [k for k, size in enumerate(self.shape) if size > 1]
+
+    @property
+    def is_map(self) -> bool:
+        """Whether the members form a grid over two keys."""
+        return self.store.plan.is_grid and len(self.wide) == 2
+
+    @property
     def done(self) -> int:
         """Number of members that are done."""
         return int((self._status != MISSING).sum())
@@ -154,18 +169,19 @@ class SweepResults:
         grid = self.store.plan.is_grid
         dims = tuple(self.axes) if grid else ("member",)
         coordinates: dict[str, Any] = {
-            path: ((path,) if grid else dims, _storable(values)) for path, values in self.axes.items()
+            path: ((path,) if grid else dims, with_texts(values)) for path, values in self.axes.items()
         }
         variables = {
             name: (dims, self[name], {"units": self.units.get(name, ""), "long_name": self.long_names.get(name, name)})
             for name in self.names
         }
-        variables |= {name: (dims, self[name], {}) for name in FIELDS if name not in self.names}
+        variables |= {name: (dims, self[name], {}) for name in self.fields}
         return xarray.Dataset(variables, coordinates, {"title": self.store.scene.title, "source": self.store.source})
 
 
-def _storable(values: np.ndarray) -> np.ndarray:
-    return values if values.dtype != object else np.array([str(each) for each in values])
+def with_texts(values: np.ndarray) -> np.ndarray:
+    """Numbers as they are; words, and numbers among words, as texts."""
+    return values if values.dtype != object else values.astype(np.str_)
 
 
 def open_sweep(folder: str | Path) -> SweepResults:

@@ -22,7 +22,7 @@ class MemberParticles:
 
 
 class MemberMoment:
-    """All members at one step; what is asked for is read from the device once."""
+    """All members at one step; positions and energies are read from the device once, when they are first asked for."""
 
     def __init__(self, simulation: Simulation, members: Sequence[Member], mass: np.ndarray) -> None:
         """`mass` as the device keeps it, (members, particle_count)."""

@@ -16,7 +16,7 @@ from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.sweep_spec import SweepSpec
-from mpp_taichi.sweep.chunk import Columns, name_of, read, write_whole
+from mpp_taichi.sweep.chunk import Columns, name_of, plain_text, read, write_whole
 from mpp_taichi.sweep.member import UNREAD, scene_of, whole_scene
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
@@ -83,6 +83,10 @@ class SweepStore:
         return {"scene": plain, "sweep": block, "expect": expected, "device": dict(self.device), "versions": versions}
 
     @cached_property
+    def _known_text(self) -> str:
+        return plain_text(self.known)
+
+    @cached_property
     def own(self) -> Own:
         """The parameters of forces that vary, by some members of the whole sweep: the same ones for all chunks."""
         numbers = np.unique(np.linspace(0, self.plan.count - 1, LOOKED_AT).astype(np.int64))
@@ -115,7 +119,7 @@ class SweepStore:
     def path(self, number: int) -> Path:
         """The file of a chunk."""
         members = self.members(number)
-        return self.folder / CHUNKS / name_of(self.known, self.plan.values(members), members.tolist())
+        return self.folder / CHUNKS / name_of(self._known_text, self.plan.values(members), members.tolist())
 
     def columns(self, number: int) -> Columns | None:
         """The rows of a chunk; None where it is not done."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.sweep.results import FIELDS, SweepResults
+from mpp_taichi.sweep.results import SweepResults, with_texts
 from mpp_taichi.version import __version__
 
 BLOCK = 10_000  # rows that are made at once
@@ -31,7 +31,7 @@ def write_csv(results: SweepResults, path: Path) -> None:
 
 
 def _lines(results: SweepResults) -> Iterator[str]:
-    plan, fields = results.store.plan, [name for name in FIELDS if name not in results.names]
+    plan, fields = results.store.plan, results.fields
     columns = [results.column(name) for name in (*results.names, *fields)]
     yield _text([["member", *(axis.path for axis in plan.axes), *results.names, *fields]])
     for begin in range(0, results.count, BLOCK):
@@ -87,10 +87,10 @@ def write_parquet(results: SweepResults, path: Path) -> bool:
     import pyarrow
     from pyarrow import parquet
 
-    members, fields = np.arange(results.count), [name for name in FIELDS if name not in results.names]
+    members = np.arange(results.count)
     columns: dict[str, Any] = {"member": members, **results.store.plan.columns(members)}
-    columns |= {name: results.column(name) for name in (*results.names, *fields)}
-    arrays = {name: pyarrow.array(_stored(values) if values.dtype.kind in "UO" else values) for name, values in columns.items()}
+    columns |= {name: results.column(name) for name in (*results.names, *results.fields)}
+    arrays = {name: pyarrow.array(with_texts(values)) for name, values in columns.items()}
     with whole_file(path, "the table of the sweep") as temporary:
         parquet.write_table(pyarrow.table(arrays), temporary)
     return True
@@ -101,7 +101,7 @@ def _fill(file: Any, results: SweepResults) -> None:
     file.attrs["Conventions"] = "CF-1.10"
     file.attrs["title"] = results.store.scene.title
     file.attrs["source"] = f"mpp_taichi {__version__}"
-    dimensions = {path: _stored(values) for path, values in results.axes.items()} if grid else {}
+    dimensions = {path: with_texts(values) for path, values in results.axes.items()} if grid else {}
     if not grid:
         dimensions = {"member": np.arange(results.count)}
     for number, (name, values) in enumerate(dimensions.items()):
@@ -109,9 +109,9 @@ def _fill(file: Any, results: SweepResults) -> None:
         scale.make_scale(name)
         scale.attrs["_Netcdf4Dimid"] = np.int32(number)
         scale.attrs["long_name"] = name
-    variables = {} if grid else {path: _stored(values) for path, values in results.axes.items()}
+    variables = {} if grid else {path: with_texts(values) for path, values in results.axes.items()}
     variables |= {name: results[name] for name in results.names}
-    variables |= {name: _stored(results[name]) for name in FIELDS if name not in results.names}
+    variables |= {name: results[name] for name in results.fields}
     for name, values in variables.items():
         dataset = _dataset(file, name, values)
         for k, dimension in enumerate(dimensions):
@@ -125,14 +125,6 @@ def _dataset(file: Any, name: str, values: np.ndarray) -> Any:
     import h5py
 
     key = name.replace("/", "∕")  # the sign that divides groups in HDF5
-    if values.dtype.kind in "UO":
+    if values.dtype.kind == "U":
         return file.create_dataset(key, data=values.astype(object), dtype=h5py.string_dtype())
     return file.create_dataset(key, data=values)
-
-
-def _stored(values: np.ndarray) -> np.ndarray:
-    return (
-        np.array([str(each) for each in values.ravel()], dtype=object).reshape(values.shape)
-        if values.dtype.kind in "UO"
-        else values
-    )

@@ -97,10 +97,8 @@ class Examination:
                     worker, result = None, failed(case, place, str(error), clock.perf_counter() - began)
                 self._keep((case, place), result)
         finally:
-            if worker is not None and self._stopped.is_set():
-                worker.kill()
-            elif worker is not None:
-                worker.end()
+            if worker is not None:
+                worker.leave(at_once=self._stopped.is_set())
 
     def _look(self) -> None:
         if self._stopped.is_set():

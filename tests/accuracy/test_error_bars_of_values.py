@@ -60,7 +60,7 @@ def test_an_error_by_chance_alone_is_stated_as_seldom_as_student_says():
 def test_the_error_of_a_mean_is_bounded_by_the_bars_of_both():
     """Both bars count like the legs of a right triangle: a reference with a bar of 3 and runs with a bar of 4 give 5."""
     runs = Runs(np.tile([VALUE - 1.0, VALUE + 1.0], RUNS // 2) + 1e-9 * np.arange(RUNS))
-    own = 4.0 / STUDENT * math.sqrt(RUNS)  # the scatter of the reference, above that of the runs
+    own = 4.0 / STUDENT * math.sqrt(RUNS)  # scatter that gives the reference a bar of 4, more than the runs scatter
     assert reference(bar=3.0, scatter=own).error(runs).at_most == pytest.approx(5.0, rel=1e-8)
 
 

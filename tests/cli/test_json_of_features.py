@@ -95,8 +95,8 @@ def sprung(times, dt, stiffness, friction):
 def test_the_balance_of_an_implicit_run_with_a_timeline_is_that_of_a_linear_oscillator(capsys):
     """The extension u of the spring obeys u″ = −2 (D u + c u′); at t = 1 the stiffness D is doubled, which adds ½ ΔD u².
 
-    The energy lost to friction follows from the energies at the ends; the program sums it by itself, and the difference is the
-    balance's error, which is over the largest kinetic energy, that of the fall.
+    The energy lost to friction follows from the energies at the ends, and the program sums it by itself. The error of the
+    balance is the difference of the two, divided by the largest kinetic energy of the motion.
     """
     dt, steps, friction = 0.125, 16, 0.1
     link = {"between": ["a", "b"], "stiffness": 2.0, "rest_length": 1.0, "damping": friction}
