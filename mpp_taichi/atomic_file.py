@@ -2,6 +2,7 @@
 
 import os
 import re
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,16 +12,18 @@ from mpp_taichi.passport.carried import stamp
 
 
 @contextmanager
-def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path]:
+def whole_file(path: Path, what: str, *, durable: bool = False, shared: bool = False) -> Iterator[Path]:
     """A temporary path beside `path`, of the same suffix, that takes its place when the block ends; folders are made.
 
     An old file stays as it was until then, and nothing is left of a new file that cannot be completed. A `durable` file is
-    on the disk before it replaces an old file, even if the machine stops.
+    on the disk before it replaces an old file, even if the machine stops. Of a `shared` file, which several processes may write
+    at the same time, the temporary path is this process's own.
 
     Raises:
         OutputError: it cannot be written; says which file and `what` was to be in it.
     """
-    temporary = path.with_name(f"{path.stem}.part{path.suffix}")
+    own = f".{os.getpid()}.{secrets.token_hex(4)}" if shared else ""
+    temporary = path.with_name(f"{path.stem}{own}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield fresh(temporary)

@@ -2,18 +2,15 @@
 
 import hashlib
 import json
-import os
-import secrets
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mpp_taichi.atomic_file import reason
-from mpp_taichi.errors import OutputError
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.sweep.member import STATUSES, MemberRow
 
 DIGITS = 24  # of the digest in a name
@@ -66,29 +63,8 @@ def write(path: Path, columns: Columns) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    write_whole(path, lambda stream: np.savez(stream, **vars(columns)), "a chunk of the sweep")
-
-
-def write_whole(path: Path, fill: Callable[[Any], object], what: str) -> None:
-    """Write a file whole: under a name of this process and this moment, onto the disk, and then under its name.
-
-    So several processes may write the same file at the same time.
-
-    Raises:
-        OutputError: it cannot be written; says `what` was to be in it.
-    """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "xb") as stream:
-            fill(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-        _sync_folder(path.parent)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot write {what}: {reason(error)}") from error
+    with whole_file(path, "a chunk of the sweep", durable=True, shared=True) as temporary:
+        np.savez(temporary, **vars(columns))
 
 
 def read(path: Path, numbers: np.ndarray, measures: int) -> Columns | None:
@@ -101,17 +77,3 @@ def read(path: Path, numbers: np.ndarray, measures: int) -> Columns | None:
     shapes = all(len(each) == len(numbers) for each in vars(columns).values())
     sound = shapes and columns.values.shape == (len(numbers), measures) and np.array_equal(columns.number, numbers)
     return columns if sound else None
-
-
-def _sync_folder(folder: Path) -> None:
-    """Put the new name onto the disk too, where the system lets a folder be synchronised."""
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(descriptor)
-    except OSError:
-        pass
-    finally:
-        os.close(descriptor)

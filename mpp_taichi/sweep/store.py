@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.device.availability import TAICHI_VERSION
 from mpp_taichi.errors import ArgumentError, SceneError, StateError
 from mpp_taichi.report.expectations import label_of
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.sweep_spec import SweepSpec
-from mpp_taichi.sweep.chunk import Columns, name_of, plain_text, read, write_whole
+from mpp_taichi.sweep.chunk import Columns, name_of, plain_text, read
 from mpp_taichi.sweep.member import UNREAD, scene_of, whole_scene
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
@@ -148,7 +149,8 @@ class SweepStore:
         with suppress(OSError):
             if path.read_text(encoding="utf-8") == text:
                 return
-        write_whole(path, lambda stream: stream.write(text.encode()), "the description of the sweep")
+        with whole_file(path, "the description of the sweep", shared=True) as temporary:
+            temporary.write_text(text, encoding="utf-8")
 
 
 def opened(folder: Path) -> SweepStore:
