@@ -76,7 +76,7 @@ def page(results: SweepResults) -> str:
     body.append('<table id="member"></table><p><code id="command"></code></p>')
     body.append(f'<script type="application/json" id="data">{_data(results)}</script><script>{SCRIPT}</script>')
     title = results.store.scene.title or Path(results.store.source).stem
-    return framed(f"Sweep of {title}", f"{results.count:,} members: {counts}.", [], body, f"mpp_taichi {__version__}")
+    return framed(f"Sweep of {title}", f"{results.count:,} members: {counts}", [], body, f"mpp_taichi {__version__}")
 
 
 def _list(results: SweepResults) -> str:
