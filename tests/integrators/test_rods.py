@@ -77,13 +77,14 @@ def speed_along(simulation):
 @pytest.mark.sampled(5)
 def test_methods_keep_their_order_along_rods(name):
     order = component.flag("integrators", name, "order")
-    steps = 100 if order < 4 else 50 if order < 6 else 12
+    steps = 100 if order < 4 else 50 if order < 6 else 24
     errors = []
     for count in (steps, 2 * steps):
         with Simulation(double_pendulum({name: {"dt": 1.0 / count}}), backend="cpu") as s:
             s.run(steps=count)
             errors.append(np.abs(s.snapshot().position[2] - lagrange(1.0)).max())
-    # The next term of the error still shows; methods of sixth and eighth order are near round-off with any smaller step.
+    # The next term of the error still shows; with a step twice as long `yoshida8`, whose coefficients are large, is not
+    # yet at its order (a factor of 190), and with a step half as long `kahan_li8` is at round-off.
     assert errors[0] / errors[1] > 2 ** (order - 0.3)
     assert order > 2 or errors[0] / errors[1] < 2 ** (order + 0.3)
 
