@@ -16,6 +16,7 @@ from mpp_taichi.accuracy.stretches import LOOKS, Stretch, own_step, stretches_of
 from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.asked_quantities import tangent_quantities, without_tangent
 from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.timeline import time_after
@@ -87,6 +88,8 @@ class Problem:
             return with_integrator(spec, name, own_step(spec), by_contacts=self.compares_solvers)
 
         spec = self.spec
+        if self.wanted is None or self.wanted.name not in tangent_quantities(spec):
+            spec = without_tangent(spec)
         return replace(made(spec), timeline=tuple(replace(event, scene=made(event.scene)) for event in spec.timeline))
 
     def of_stretch(self, stretch: Stretch, position: np.ndarray, velocity: np.ndarray) -> "Problem":

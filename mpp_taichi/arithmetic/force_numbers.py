@@ -1,14 +1,18 @@
-"""Constants, roots, choices and vectors for the formulas of forces, as numbers of one part or of two parts.
+"""Constants, roots, choices and vectors for the formulas of forces, whatever the kind of the numbers is.
 
-Where the forces of a state have low parts (precision df64), values are double-single numbers (double_single.py); elsewhere
-they are plain numbers of the run's precision. The functions are Python functions that run while a kernel is compiled.
+Values are plain numbers of the run's precision, except in two cases: double-single numbers (double_single.py) where the forces
+of a state have low parts (precision df64), and dual numbers (dual.py) in the tangent of a step. The functions are Python
+functions that run while a kernel is compiled.
 """
 
 from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector, constant, root_of_number, zeros
+from mpp_taichi.arithmetic import double_single
+from mpp_taichi.arithmetic.double_single import DoubleSingle
+from mpp_taichi.arithmetic.dual import Dual
+from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
 from mpp_taichi.arithmetic.traced import traced
 
 
@@ -17,49 +21,64 @@ def in_two_parts(state: Any) -> bool:
     return bool(state.forces_see_low and state.forces_have_low)
 
 
+def has_plain_numbers(state: Any) -> bool:
+    """Whether the numbers of the forces are the plain numbers of Taichi."""
+    return not (state.is_tangent or in_two_parts(state))
+
+
 @traced
 def parameter(state: Any, value: Any) -> Any:
     """A parameter of a force, fixed or live, as a number to compute with."""
+    if state.is_tangent:
+        return Dual(ti.cast(value, float))
     if not in_two_parts(state):
         return ti.cast(value, float)
     if isinstance(value, DoubleSingle):
         return DoubleSingle(state, value.high, value.low)
-    return constant(state, value)
+    return double_single.constant(state, value)
 
 
 @traced
 def parameter_vector(state: Any, values: Any) -> Any:
     """The first components of a parameter of three components, as many as the state has dimensions."""
     numbers = [parameter(state, values[k]) for k in range(state.dimensions)]
-    return DoubleSingleVector(numbers) if in_two_parts(state) else ti.lang.matrix.make_matrix(numbers, float)
+    return ti.lang.matrix.make_matrix(numbers, float) if has_plain_numbers(state) else NumberVector(numbers)
 
 
 @traced
 def zero_vector(state: Any) -> Any:
     """A vector of zeros, to be added to."""
-    return zeros(state) if in_two_parts(state) else ti.Vector.zero(float, state.dimensions)
+    if state.is_tangent:
+        return NumberVector(Dual.zero() for _ in range(state.dimensions))
+    return double_single.zeros(state) if in_two_parts(state) else ti.Vector.zero(float, state.dimensions)
+
+
+@traced
+def copied(vector: Any) -> Any:
+    """A vector that may be assigned to without a change of the entry of a field from which it was read."""
+    return vector.copied() if isinstance(vector, NumberVector) else vector
 
 
 @traced
 def root(number: Any) -> Any:
     """√number."""
-    return root_of_number(number) if isinstance(number, DoubleSingle) else ti.sqrt(number)
+    return number.root() if isinstance(number, KernelNumber) else ti.sqrt(number)
 
 
 @traced
 def where(condition: Any, number: Any, other: Any) -> Any:
     """The number where a condition holds, else another number; neither needs to be finite where it is not taken."""
-    return number.where(condition, other) if isinstance(number, DoubleSingle) else ti.select(condition, number, other)
+    return number.where(condition, other) if isinstance(number, KernelNumber) else ti.select(condition, number, other)
 
 
 @traced
 def along_free_axes(state: Any, i: Any, vector: Any) -> Any:
     """The components of a vector along the axes that are free to particle i, and 0 along the others."""
     free = ti.lang.impl.subscript(None, state.free, i)
-    if not isinstance(vector, DoubleSingleVector):
+    if not isinstance(vector, NumberVector):
         return ti.select(free != 0.0, vector, 0.0)
     axes = range(vector.n)
-    return DoubleSingleVector(vector[k].where(ti.lang.impl.subscript(None, free, k) != 0.0, 0.0) for k in axes)
+    return NumberVector(vector[k].where(ti.lang.impl.subscript(None, free, k) != 0.0, 0.0) for k in axes)
 
 
 @traced

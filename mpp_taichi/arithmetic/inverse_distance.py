@@ -7,7 +7,7 @@ and vectors of lanes alike.
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.double_single import DoubleSingle, inverse_of_root
+from mpp_taichi.arithmetic.kernel_number import KernelNumber
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
@@ -20,8 +20,8 @@ def softened_square(squared, softening_squared: Template):
 
 @traced
 def inverse_root(squared):
-    """1/√s for one number s, a double-single number, or each lane of a vector: a square root, then a division."""
-    return inverse_of_root(squared) if isinstance(squared, DoubleSingle) else 1.0 / ti.sqrt(squared)
+    """1/√s for one number s of any kind, or each lane of a vector: a square root, then a division."""
+    return squared.inverse_root() if isinstance(squared, KernelNumber) else 1.0 / ti.sqrt(squared)
 
 
 @ti.func

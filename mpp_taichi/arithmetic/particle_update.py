@@ -7,8 +7,9 @@ are double-single numbers (double_single.py).
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector
+from mpp_taichi.arithmetic.double_single import DoubleSingle
 from mpp_taichi.arithmetic.force_numbers import in_two_parts
+from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.low_parts import scaled_and_added, scaled_and_added_with_rest
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
@@ -104,7 +105,7 @@ def both_parts(state, high, low, i):
     """The vector i of two fields, one for the high and one for the low parts."""
     entries = [ti.lang.impl.subscript(None, field, i) for field in (high, low)]
     axes = range(state.dimensions)
-    return DoubleSingleVector(DoubleSingle(state, *(ti.lang.impl.subscript(None, each, k) for each in entries)) for k in axes)
+    return NumberVector(DoubleSingle(state, *(ti.lang.impl.subscript(None, each, k) for each in entries)) for k in axes)
 
 
 @traced

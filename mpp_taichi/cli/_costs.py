@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
 from mpp_taichi.component import REQUIRED, Declaration, Parameter
+from mpp_taichi.scene.asked_quantities import tangent_quantities, without_tangent
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
@@ -89,6 +90,8 @@ def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         variants.append((rigid[0].name, replace(spec, springs=elastic)))
     if spec.contacts is not None and not _flies(spec):
         variants.append(("hard_spheres", replace(spec, contacts=None, walls=())))
+    if tangent_quantities(spec):
+        variants.append(("tangent", without_tangent(spec)))
     return variants
 
 
@@ -105,6 +108,8 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
+            continue
+        if tangent_quantities(spec) and not declared.flags.get("takes_any_numbers"):
             continue
         if is_pair_force(name) and tree_of(spec) is not None:  # a tree allows no other pair force
             continue

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.errors import BackendError
+from mpp_taichi.scene.asked_quantities import without_tangent
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
@@ -27,7 +28,7 @@ class TaichiContender:
             BackendError: the backend does not start here, or cannot run this scene.
         """
         self.simulation = Simulation(
-            replace(spec, timeline=(), accuracy=None),
+            without_tangent(replace(spec, timeline=(), accuracy=None)),
             backend=backend,
             precision=precision,
             plan=plan,

@@ -1,12 +1,13 @@
 """TotalForce: the sum of the forces of a scene, and the only owner of the loops over particles and springs."""
 
+import copy
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
-from mpp_taichi.arithmetic.force_numbers import along_free_axes, in_two_parts, where, wide_number, zero_vector
+from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
     inverse_root,
@@ -88,6 +89,16 @@ class TotalForce:
         self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
+
+    def with_pairs_in_turn(self) -> "TotalForce":
+        """The same sum for a state of dual numbers, which takes one pair after the other."""
+        result = copy.copy(self)
+        if self.has_pairs:
+            from mpp_taichi.neighbors.pairs_in_turn import PairsInTurn  # only for scenes that ask for a tangent
+
+            result.pair_sum = PairsInTurn(self.pair_sum)
+            result.sets_pairs = result.pairs_in_tiles = False
+        return result
 
     @traced
     def at_replica(self, replica):
@@ -184,7 +195,7 @@ class TotalForce:
     @traced
     def row_sum(self, state, first, i, bond, friction):
         """Force on particle i from its half-springs."""
-        row = self.row_sum_in_turn if in_two_parts(state) else self.row_sum_in_lanes
+        row = self.row_sum_in_lanes if has_plain_numbers(state) else self.row_sum_in_turn
         return row(state, first, i, bond, friction)
 
     @ti.func
@@ -215,7 +226,7 @@ class TotalForce:
 
     @ti.func
     def row_sum_in_turn(self, state: Template, first, i, bond: Template, friction: Template):
-        """`row_sum` of double-single numbers, one half-spring after the other."""
+        """`row_sum` of double-single and dual numbers, one half-spring after the other."""
         total = zero_vector(state)
         for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
             total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)

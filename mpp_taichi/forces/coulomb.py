@@ -23,7 +23,7 @@ class Coulomb(InverseSquareForce):
     has_derivatives = True
     proportional_to_charge = True
     singular_at_zero_distance = True
-    takes_two_parts = True
+    takes_any_numbers = True
 
     @ti.func
     def response(self, state: Template, i):

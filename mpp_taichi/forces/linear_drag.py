@@ -17,7 +17,7 @@ class LinearDrag(ExternalForce):
     conserves_energy = False
     depends_on_velocity = True
     is_linear_drag = True
-    takes_two_parts = True
+    takes_any_numbers = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):

@@ -45,7 +45,7 @@ class NewtonianGravity(InverseSquareForce):
     can_use_tree = True
     proportional_to_mass = True
     singular_at_zero_distance = True
-    takes_two_parts = True
+    takes_any_numbers = True
 
     @ti.func
     def response(self, state: Template, i):

@@ -23,7 +23,7 @@ class Spring(BondForce):
     )
     has_derivatives = True
     acts_on_springs = True
-    takes_two_parts = True
+    takes_any_numbers = True
 
     @property
     def needs(self) -> frozenset:

@@ -17,7 +17,7 @@ class UniformGravity(ExternalForce):
     needs = frozenset({"mass"})
     has_derivatives = True
     is_uniform = True
-    takes_two_parts = True
+    takes_any_numbers = True
     proportional_to_mass = True
 
     @ti.func

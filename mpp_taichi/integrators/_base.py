@@ -58,6 +58,7 @@ class Integrator:
                          the particles, but each sweep has a launch of its own: one sweep is what counts
     promising_for        kinds of scenes ("encounters", "planets", "stiffness", see accuracy/families.py) in which a study of
                          accuracy tries the method first
+    takes_tangent        the step can be taken with dual numbers, so that its derivative is known (step/tangent_steps.py)
     slow_to_compile      takes many times as long to compile as most methods
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
     well_known           whether readers know the method from textbooks, so that plots of a study always show it
@@ -88,6 +89,7 @@ class Integrator:
     flies = False
     takes_sliders = True
     takes_rods = False
+    takes_tangent = False
     made_for: tuple = ()
     made_for_reason = ""
     orbits_central_body = False
@@ -251,7 +253,7 @@ class Integrator:
                     if k == c:
                         node = self.nodes[c]
                 if ti.static(self.wants_sum(total_force)):
-                    total_force.accumulate(state, first, time + node * dt, shape)
+                    total_force.accumulate(state, first, time + dt * node, shape)
                 self.stage_after_force(state, total_force, first, time, dt, k + 1)
         else:
             for k in ti.static(range(self.evaluations)):

@@ -70,6 +70,7 @@ class RungeKutta(Integrator):
     dense_order = 0
     can_use_tree = True
     takes_low_parts = True
+    takes_tangent = True
     launchers = Launchers(vectors=True)
     typical_evaluations = 2
 
@@ -150,7 +151,7 @@ class RungeKutta(Integrator):
             if k == c:
                 node = rows[c - 1][0]
         for i in range(first, first + total_force.particle_count):
-            slope = self.slope(state, total_force, first, i, time + node * dt)
+            slope = self.slope(state, total_force, first, i, time + dt * node)
             for c in ti.static(range(1, len(self.b) + 1)):
                 if k == c:
                     put_vector(state.scratch[1 + c], i, slope)
@@ -189,7 +190,7 @@ class RungeKutta(Integrator):
         """`move` without low parts."""
         node, weights, bars = ti.static(row)
         for i in range(first, first + total_force.particle_count):
-            velocity_change = ti.Vector.zero(float, state.dimensions)
+            velocity_change = zero_vector(state)
             position_change = node * vector_at(state.scratch_1, i)
             for k in ti.static(range(len(self.b))):
                 if ti.static(weights[k] != 0.0):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import zero_vector
+from mpp_taichi.arithmetic.force_numbers import copied, zero_vector
 from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, step_number
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator, SumForces
@@ -60,6 +60,7 @@ class Splitting(Integrator):
     can_use_tree = True
     takes_low_parts = True
     takes_rods = True
+    takes_tangent = True
     launchers = Launchers(vectors=True)
 
     @property
@@ -217,6 +218,7 @@ class Splitting(Integrator):
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """A stage whose coefficients are looked up while the kernel runs, so that all stages share one copy of the code."""
+        # dt comes first in products: in a tangent it is a number of its own kind, and such a number must be on the left.
         node, kick, drift, early, late = 0.0, 0.0, 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
@@ -225,12 +227,12 @@ class Splitting(Integrator):
                     early, late = self.drift_parts[c]
         sums = ti.static(self.sums(1, total_force))
         if ti.static(total_force.has_rods):
-            self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
+            self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, 0.0, sums, False)
             total_force.rods.drift(state, first, early * dt)
             if ti.static(self.most_parts > 1):
                 total_force.rods.drift(state, first, late * dt)
         else:
-            self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, True)
+            self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, dt * drift, sums, True)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
@@ -314,7 +316,7 @@ class Splitting(Integrator):
                                 whole += end[k] * state.scratch[k][i]
                         kick_particle(state, i, h, 2 * stage, whole)
                     else:
-                        velocity = state.velocity[i]
+                        velocity = copied(state.velocity[i])
                         for k in ti.static(range(s)):
                             if ti.static(end[k] != 0.0):
                                 velocity += h * end[k] * state.scratch[k][i]

@@ -5,7 +5,6 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.double_single import accumulated
 from mpp_taichi.arithmetic.force_numbers import parameter, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.arithmetic.particle_update import separation, wide_position
@@ -86,7 +85,7 @@ class TwoPartPairs:
             inverse = inverse_distance(squared, group.softening_squared)
             for force in (member.force for member in group.members):
                 weights.append(force.response(state, i) * (force.source(state, j) * force.shape(inverse)))
-        return reduce(accumulated, weights) * d
+        return reduce(lambda total, weight: total.accumulated(weight), weights) * d
 
     @ti.func
     def potential_energy_of(self, state: Template, i):

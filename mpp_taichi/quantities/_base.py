@@ -14,6 +14,7 @@ from mpp_taichi.scene.human_units import unit_of
 from mpp_taichi.scene.layout import ParticleLayout, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.state.tangent_growth import TangentGrowth
 
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""
@@ -45,6 +46,10 @@ class RunSample(Protocol):
     @property
     def acceleration(self) -> np.ndarray:
         """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
+
+    @property
+    def tangent(self) -> TangentGrowth:
+        """The growth of a small deviation, with one entry, where a quantity `needs_tangent`."""
 
     @property
     def gravity(self) -> float:
@@ -99,6 +104,10 @@ class ManySample(Protocol):
     def potential_energy(self) -> np.ndarray:
         """The sum over all forces that have a potential, (copies,)."""
 
+    @property
+    def tangent(self) -> TangentGrowth:
+        """The growth of a small deviation of each copy."""
+
 
 class Quantity(ABC):
     """A number that a sample of a run has; `dimension` holds its powers of length, time and mass."""
@@ -108,6 +117,8 @@ class Quantity(ABC):
     """Whether the number depends on the samples before, so that every sample must be measured."""
     has_rate = False
     """Whether `rate` is known."""
+    needs_tangent = False
+    """Whether each step must be taken together with its derivative."""
     takes_many = False
     """Whether `measure_many` is known, and so are `rate_many` and `sampling_interval_many` where there is a rate."""
     if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.state.tangent_growth import TangentGrowth
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -39,6 +40,11 @@ class SimulationSample:
         """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
         found: np.ndarray = self._simulation.accelerations(self.snapshot)
         return found
+
+    @cached_property
+    def tangent(self) -> TangentGrowth:
+        """The growth of a small deviation, with one entry."""
+        return self._simulation.phase.read_tangent()
 
     @cached_property
     def mechanics(self) -> dict[str, Any]:

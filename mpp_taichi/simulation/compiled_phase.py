@@ -13,6 +13,7 @@ from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
 from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
+from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
@@ -23,6 +24,7 @@ from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
     from mpp_taichi.energy.energy_meter import PowerMeter
+    from mpp_taichi.state.tangent_growth import TangentGrowth
     from mpp_taichi.step.acceleration import AccelerationMeter
 
 
@@ -53,6 +55,7 @@ class CompiledPhase:
         from mpp_taichi.energy.energy_meter import EnergyMeter
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
+        from mpp_taichi.state.tangent_meter import TangentMeter
         from mpp_taichi.step.choose import launcher_for, settle_plan
 
         spec, start = phase.spec, phase.particles
@@ -90,6 +93,10 @@ class CompiledPhase:
             work=self.work,
             replica_count=self.replica_count,
         )
+        self.has_tangent = bool(tangent_quantities(spec))
+        if self.has_tangent:
+            refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision)
+            self.plan = "replicas" if self.replica_count > 1 else "serial"
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
             rods.fill(self.state)
@@ -97,8 +104,15 @@ class CompiledPhase:
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
             self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
+        self.tangent = TangentMeter(self.state, single_logarithm=not device.on_cpu) if self.has_tangent else None
         self.launcher = launcher_for(
-            self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
+            self.state,
+            self.total_force,
+            self.integrator,
+            plan=self.plan,
+            on_cpu=device.on_cpu,
+            contacts=self.contacts,
+            tangent_meter=self.tangent,
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch()
@@ -123,6 +137,13 @@ class CompiledPhase:
         solver = self._contact_solver(event_log) if spec.contacts is not None else None
         if solver is not None:
             fields = {**fields, **solver.work_fields(start.particle_count)}
+        memory = (*integrator.memory, *(solver.memory if solver is not None else ()))
+        if self.has_tangent:
+            from mpp_taichi.state.tangent_meter import TangentMeter
+            from mpp_taichi.state.tangent_state import tangent_fields
+
+            fields = {**fields, **tangent_fields(start.particle_count, scratch_count), **TangentMeter.work_fields()}
+            memory = (*memory, *TangentMeter.memory())
         sizes = {"dimensions": spec.dimensions, "replica_count": self.replica_count}
         refusals.check_room(fields, **sizes, on_cpu=device.on_cpu)
         state = State(
@@ -134,7 +155,7 @@ class CompiledPhase:
             streaming=self.total_force.has_pairs,
             wide=backends.widest_float(device),
             work=fields,
-            memory=(*integrator.memory, *(solver.memory if solver is not None else ())),
+            memory=memory,
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
             centered=integrator.steps_about_center and self._acts_inside_alone(solver),
@@ -214,6 +235,8 @@ class CompiledPhase:
         self.state.write_snapshots(
             [replace(each, velocity=each.velocity * each.free) for each in self.replica_starts or (start,)]
         )
+        if self.tangent is not None:
+            self.tangent.begin(self.particles.free)
         self._begin_afresh(dt)
 
     def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
@@ -317,6 +340,12 @@ class CompiledPhase:
         # A serial launch on a device that limits its loops has no room for the loops of the meter.
         in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
         return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+
+    def read_tangent(self) -> "TangentGrowth":
+        """The growth of the deviation of every replica; TypeError where no quantity of the scene asks for it."""
+        if self.tangent is None:
+            raise TypeError("no quantity of this scene needs the tangent of its steps")
+        return self.tangent.read()
 
     # Conserved quantities
 

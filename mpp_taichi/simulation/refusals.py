@@ -14,10 +14,12 @@ from mpp_taichi.precision import (
     LARGEST_SINGLE,
     SMALLEST_IN_TWO_PARTS,
     SMALLEST_SINGLE,
+    carries_low_parts,
     forces_have_low_parts,
     forces_see_low_parts,
     number_type,
 )
+from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.estimate import LARGEST_COUNT
 from mpp_taichi.scene.spec import SceneSpec
@@ -91,10 +93,35 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
         refused = "newtonian_gravity with solver: tree"
     if forces_have_low_parts(precision):
         names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
-        named = [name for name, force in zip(names, forces, strict=True) if not force.takes_two_parts]
+        named = [name for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
         refused = f"the force {named[0]}" if named and refused is None else refused
     if refused:
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
+
+
+def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str) -> None:
+    """Refuse the quantities that need the tangent of the step where a part of the step does not have it.
+
+    Raises:
+        UnsupportedError: such a part is there.
+    """
+    names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
+    reasons = [f"the force {name} has" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
+    if not integrator.takes_tangent:
+        reasons.insert(0, f"the method {spec.integrator.name} has")
+    if carries_low_parts(precision):
+        reasons.insert(0, f"steps in {precision} have")
+    if tree_of(spec) is not None:
+        reasons.insert(0, "a tree has")
+    if spec.rigid_entries:
+        reasons.insert(0, f"{spec.rods_named} have")
+    if spec.timeline:
+        reasons.insert(0, "a timeline has")
+    if spec.contacts is not None:
+        reasons.insert(0, "collisions have")
+    if reasons:
+        wanted = " and ".join(tangent_quantities(spec))
+        raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not")
 
 
 def check_range(start: Snapshot, total_force: Any, precision: str) -> None:

@@ -44,6 +44,9 @@ class State:
     convert between this frame and the frame of the scene.
     """
 
+    is_tangent = False
+    """Whether a field gives dual numbers in a kernel, as the fields of a TangentState do."""
+
     def __init__(
         self,
         snapshot: Snapshot,

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector
+from mpp_taichi.arithmetic.double_single import DoubleSingle
+from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.low_parts import split
 
 
@@ -37,7 +38,7 @@ class TwoPartField:
         high, low = _entry(self.high, i), _entry(self.low, i)
         if not isinstance(self.high, ti.MatrixField):
             return DoubleSingle(self.state, high, low)
-        return DoubleSingleVector(DoubleSingle(self.state, _entry(high, k), _entry(low, k)) for k in range(self.n))
+        return NumberVector(DoubleSingle(self.state, _entry(high, k), _entry(low, k)) for k in range(self.n))
 
     def to_numpy(self) -> np.ndarray:
         """All numbers as float64."""

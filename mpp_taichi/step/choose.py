@@ -17,6 +17,7 @@ from mpp_taichi.errors import BackendError, UnsupportedError
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.state.state import State
+from mpp_taichi.state.tangent_meter import TangentMeter
 from mpp_taichi.step import plans
 from mpp_taichi.step.finite_check import FiniteCheck
 from mpp_taichi.step.force_sum import ForceSum, LaunchedForceSum, ParallelForceSum, SerialForceSum
@@ -67,6 +68,7 @@ def launcher_for(
     plan: str,
     on_cpu: bool,
     contacts: ContactSolver | None = None,
+    tangent_meter: TangentMeter | None = None,
 ) -> Launcher:
     """The launcher of this kind of step; nothing is compiled before its first launch."""
     launched = sums_are_launched(total_force, plan, on_cpu)
@@ -95,6 +97,7 @@ def launcher_for(
         loops=stage_loops if contacts is None else SerialLoops() if few else nullcontext(),
         grain=grain,
         shape="launched" if launched else plan,
+        tangent_meter=tangent_meter,
     )
     name = _file_of(parts, plan)
     module = importlib.import_module(f"mpp_taichi.step.{name}")
@@ -110,6 +113,8 @@ def sums_are_launched(total_force: TotalForce, plan: str, on_cpu: bool) -> bool:
 def _file_of(parts: StepParts, plan: str) -> str:
     """The file of this folder whose launcher runs these parts."""
     contacts, integrator, total_force = parts.contacts, parts.integrator, parts.total_force
+    if parts.tangent_meter is not None:
+        return "tangent_steps"
     if contacts is not None:
         return contacts.launched_by
     name: str = getattr(integrator.launchers, plan)

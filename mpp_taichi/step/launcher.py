@@ -29,6 +29,7 @@ from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._trouble import Trouble
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state.state import State
+from mpp_taichi.state.tangent_meter import TangentMeter
 from mpp_taichi.step.finite_check import FiniteCheck
 from mpp_taichi.step.force_sum import ForceSum
 
@@ -46,6 +47,7 @@ class StepParts:
     finite     the search for a particle that is not finite
     grain      iterations of a parallel loop for each heavy iteration
     shape      of the sum of forces inside a kernel: "serial", "parallel", or "launched" where it is no part of the kernel
+    tangent_meter   meter of the growth of a deviation; None where no quantity asks for it
     """
 
     state: State
@@ -59,6 +61,7 @@ class StepParts:
     loops: AbstractContextManager
     grain: int
     shape: str
+    tangent_meter: TangentMeter | None = None
 
 
 class Launcher(ABC):

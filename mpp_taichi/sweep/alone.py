@@ -9,6 +9,7 @@ from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.timeline import step_count
 from mpp_taichi.simulation.simulation import Simulation
+from mpp_taichi.state.tangent_growth import TangentGrowth
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow, one_line, refused
 from mpp_taichi.sweep.replicas import Bench
@@ -37,6 +38,11 @@ class AloneSample:
     def potential_energy(self) -> np.ndarray:
         """The potential energy, (1,)."""
         return np.array([self._sample.potential_energy])
+
+    @property
+    def tangent(self) -> TangentGrowth:
+        """The growth of a small deviation."""
+        return self._sample.tangent
 
     def one(self, number: int) -> SimulationSample:
         """The simulation itself."""

@@ -9,6 +9,7 @@ import numpy as np
 from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.state.tangent_growth import TangentGrowth
 from mpp_taichi.sweep.member import Member
 
 
@@ -41,6 +42,11 @@ class MemberMoment:
         return self.simulation.phase.energy_meter.potential_energies(self.time)[: len(self.members)]
 
     @cached_property
+    def tangent(self) -> TangentGrowth:
+        """The growth of the deviation of each member."""
+        return self.simulation.phase.read_tangent().of(slice(len(self.members)))
+
+    @cached_property
     def broken(self) -> np.ndarray:
         """For each member the first particle that is not finite, or −1."""
         finite = np.isfinite(self.vectors[0]).all(axis=2) & np.isfinite(self.vectors[1]).all(axis=2)
@@ -69,6 +75,11 @@ class MemberSamples:
         """The sum over all forces that have a potential, of each member."""
         return self._moment.potential_energies[self._who]
 
+    @cached_property
+    def tangent(self) -> TangentGrowth:
+        """The growth of the deviation of each of them."""
+        return self._moment.tangent.of(self._who)
+
     def one(self, number: int) -> "ReplicaSample":
         """A single member."""
         return ReplicaSample(self._moment, self._moment.members[number], number)
@@ -96,6 +107,11 @@ class ReplicaSample:
     def potential_energy(self) -> float:
         """The sum over all forces that have a potential."""
         return float(self._moment.potential_energies[self._replica])
+
+    @cached_property
+    def tangent(self) -> TangentGrowth:
+        """The growth of the deviation, with one entry."""
+        return self._moment.tangent.of(slice(self._replica, self._replica + 1))
 
     @property
     def acceleration(self) -> np.ndarray:

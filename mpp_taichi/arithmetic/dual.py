@@ -1,0 +1,106 @@
+"""Dual numbers in kernels: a number together with its change along a tangent, x + δx with δx² = 0.
+
+A text that is computed with dual numbers computes its own derivative along the tangent, exactly to round-off:
+
+    (a + δa) ± (b + δb) = a ± b + (δa ± δb)        √(a + δa)   = √a + δa/(2√a)
+    (a + δa)(b + δb)    = a b + (δa b + a δb)      1/√(a + δa) = u − ½ u³ δa,  u = 1/√a
+    (a + δa)/(b + δb)   = q + (δa − q δb)/b,  q = a/b
+
+The parts without δ are computed as for plain numbers, so that they have the same bits. A constant has no change, and costs none
+of the work. Source: Clifford, Proc. London Math. Soc. 4 (1873) 381; Griewank & Walther, Evaluating Derivatives (2008), §3.1.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.arithmetic.kernel_number import KernelNumber
+
+
+class Dual(KernelNumber):
+    """A number and its change in a kernel; without a change it is a constant."""
+
+    def __init__(self, value: Any, change: Any = None) -> None:
+        """Name one or two expressions; a number that is to be assigned to has two variables or entries of fields."""
+        self.value, self.change = value, change
+
+    @staticmethod
+    def zero() -> "Dual":
+        """Zero in new variables, to be added to."""
+        return _kept(ti.cast(0.0, float), ti.cast(0.0, float))
+
+    def lifted(self, other: Any) -> Any:
+        """A plain number as a constant."""
+        return other if isinstance(other, Dual) else Dual(other)
+
+    def plus(self, other: Any) -> Any:
+        """The sum, and the sum of the changes."""
+        return _kept(self.value + other.value, _sum(self.change, other.change))
+
+    def minus(self, other: Any) -> Any:
+        """The difference, and the difference of the changes."""
+        change = self.change if other.change is None else _sum(self.change, -other.change)
+        return _kept(self.value - other.value, change)
+
+    def times(self, other: Any) -> Any:
+        """The product, with the change δa b + a δb."""
+        mine = None if self.change is None else self.change * other.value
+        return _kept(self.value * other.value, _sum(mine, None if other.change is None else self.value * other.change))
+
+    def over(self, other: Any) -> Any:
+        """The quotient q, with the change (δa − q δb)/b."""
+        quotient = ti.lang.impl.expr_init(self.value / other.value)
+        change = self.change
+        if other.change is not None:
+            change = _sum(change, -(quotient * other.change))
+        return _kept(quotient, None if change is None else change / other.value)
+
+    def accumulated(self, other: Any) -> Any:
+        """The sum."""
+        return self.plus(other)
+
+    def where(self, condition: Any, other: Any) -> Any:
+        """Self where a condition holds, else other."""
+        other = self.lifted(other)
+        changes = [ti.cast(0.0, float) if each.change is None else each.change for each in (self, other)]
+        return _kept(ti.select(condition, self.value, other.value), ti.select(condition, *changes))
+
+    def root(self) -> Any:
+        """√a, with the change δa/(2√a)."""
+        root = ti.lang.impl.expr_init(ti.sqrt(self.value))
+        return _kept(root, None if self.change is None else 0.5 * self.change / root)
+
+    def inverse_root(self) -> Any:
+        """U = 1/√a, with the change −½ u³ δa."""
+        inverse = ti.lang.impl.expr_init(1.0 / ti.sqrt(self.value))
+        return _kept(inverse, None if self.change is None else -0.5 * self.change * (inverse * inverse * inverse))
+
+    @property
+    def main(self) -> Any:
+        """The value."""
+        return self.value
+
+    def copied(self) -> Any:
+        """The number in new variables, which may be assigned to."""
+        return _kept(self.value, ti.cast(0.0, float) if self.change is None else self.change)
+
+    def __neg__(self) -> Any:
+        """−self."""
+        return _kept(-self.value, None if self.change is None else -self.change)
+
+    def _assign(self, other: Any) -> None:
+        other = self.lifted(other)
+        self.value._assign(other.value)
+        self.change._assign(0.0 if other.change is None else other.change)
+
+
+def _sum(a: Any, b: Any) -> Any:
+    """The sum of two changes, of which either may be absent."""
+    if a is None or b is None:
+        return b if a is None else a
+    return a + b
+
+
+def _kept(value: Any, change: Any) -> Dual:
+    """A number in new variables of the kernel."""
+    return Dual(ti.lang.impl.expr_init(value), None if change is None else ti.lang.impl.expr_init(change))

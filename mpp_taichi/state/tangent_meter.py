@@ -1,0 +1,127 @@
+"""Tangent meter: the growth of a small deviation along the run of each replica, measured after every step in the kernel."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.device import bulk_copy
+from mpp_taichi.state.tangent_growth import TangentGrowth
+from mpp_taichi.state.tangent_state import PREFIX
+from mpp_taichi.types import Template
+
+SEED = 1  # of the direction of the deviation at the start, the same for every run
+RANGE_BITS = 40  # |δ| is kept between 2⁻⁴⁰ and 2⁴⁰, whose squares an f32 has
+SUMS = ("elapsed", "growth", "shift", "growth_integral", "megno_integral", "largest_growth")
+
+
+@ti.data_oriented
+class TangentMeter:
+    """The deviation of each replica, and the integrals of its growth by the trapezoidal rule over the steps.
+
+    With δ̇·δ/δ² = dL/dt, Y(t) = (2/t) ∫ (dL/ds) s ds = 2 (L − (1/t) ∫ L ds). Source: Cincotta & Simó, Astron. Astrophys. Suppl.
+    147 (2000) 205; Cincotta, Giordano & Simó, Physica D 182 (2003) 151; the indicator max L: Froeschlé, Lega & Gonczi, Celest.
+    Mech. Dyn. Astron. 67 (1997) 41.
+    """
+
+    def __init__(self, state: Any, *, single_logarithm: bool) -> None:
+        """`single_logarithm`: the device has the logarithm in f32 only; L is then exact to 10⁻⁶."""
+        self.state, self.single_logarithm = state, single_logarithm
+        self.deviation = tuple(getattr(state, PREFIX + name) for name in ("position", "velocity", "acceleration"))
+        self.sums = {name: getattr(state, PREFIX + name) for name in SUMS}
+
+    @staticmethod
+    def work_fields() -> dict[str, tuple[str, int]]:
+        """The sums, as work fields of the state."""
+        return {PREFIX + name: ("wide", 1) for name in SUMS}
+
+    @staticmethod
+    def memory() -> tuple[str, ...]:
+        """The names of the fields that a saved state has."""
+        return tuple(PREFIX + name for name in ("position", "velocity", *SUMS))
+
+    def begin(self, free: np.ndarray) -> None:
+        """Begin at the start of the run with |δ| = 1, along the axes that are `free`, (particle_count, 3)."""
+        state = self.state
+        free = np.asarray(free, float)[:, : state.dimensions]
+        start = np.random.default_rng(SEED).standard_normal((2, state.particle_count, 3))[:, :, : state.dimensions] * free
+        start /= np.sqrt((start**2).sum()) or 1.0
+        self.write(*start)
+
+    def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Set the deviation of every replica, each (particle_count, dimensions), and begin the sums anew."""
+        arrays = [np.tile(each, (self.state.replica_count, 1)) for each in (position, velocity)]
+        bulk_copy.write(list(self.deviation[:2]), arrays)
+        for field in self.sums.values():
+            field.fill(0.0)
+
+    def read(self) -> TangentGrowth:
+        """The growth of every replica now."""
+        elapsed, growth, _, _, integral, largest = (self.sums[name].to_numpy().astype(np.float64) for name in SUMS)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            megno = np.where(elapsed > 0.0, integral / elapsed, 0.0)
+        return TangentGrowth(elapsed, growth, largest, megno)
+
+    def read_deviation(self) -> tuple[np.ndarray, np.ndarray]:
+        """δ of positions and velocities of every replica in units of its length at the start, (total_count, dimensions)."""
+        position, velocity = (field.to_numpy().astype(np.float64) for field in self.deviation[:2])
+        scale = np.repeat(np.exp(self.sums["shift"].to_numpy().astype(np.float64)), self.state.particle_count)[:, None]
+        return position * scale, velocity * scale
+
+    @ti.func
+    def measure(self, replica, dt):
+        """Add a step of the length dt to the sums of a replica; called after the step."""
+        squared = self.squared(replica)
+        change = 0.0
+        if squared > 2.0 ** (2 * RANGE_BITS):
+            change = 2.0**-RANGE_BITS
+        elif squared < 2.0 ** (-2 * RANGE_BITS):
+            change = 2.0**RANGE_BITS
+        growth = self.sums["shift"][replica] + 0.5 * self.logarithm(squared)
+        if change != 0.0 and squared > 0.0:
+            self.rescale(replica, change)
+        before, step = self.sums["growth"][replica], ti.cast(dt, self.state.wide)
+        elapsed, integral = self.sums["elapsed"][replica], self.sums["growth_integral"][replica]
+        earlier = 0.0
+        if elapsed > 0.0:
+            earlier = 2.0 * (before - integral / elapsed)
+        elapsed += step
+        integral += 0.5 * step * (before + growth)
+        later = 2.0 * (growth - integral / elapsed)
+        self.sums["growth"][replica], self.sums["elapsed"][replica] = growth, elapsed
+        self.sums["growth_integral"][replica] = integral
+        self.sums["megno_integral"][replica] += 0.5 * step * (earlier + later)
+        self.sums["largest_growth"][replica] = ti.max(self.sums["largest_growth"][replica], growth)
+
+    @ti.func
+    def squared(self, replica):
+        """|δ|² of a replica."""
+        result = ti.cast(0.0, self.state.wide)
+        first = replica * self.state.particle_count
+        for i in range(first, first + self.state.particle_count):
+            for field in ti.static(self.deviation[:2]):
+                for k in ti.static(range(self.state.dimensions)):
+                    entry = ti.cast(field[i][k], self.state.wide)
+                    result += entry * entry
+        return result
+
+    @ti.func
+    def logarithm(self, squared):
+        """The natural logarithm, in the widest float that has one."""
+        result = ti.cast(0.0, self.state.wide)
+        if ti.static(self.single_logarithm):
+            result = ti.cast(ti.log(ti.cast(squared, ti.f32)), self.state.wide)
+        else:
+            result = ti.log(squared)
+        return result
+
+    @ti.func
+    def rescale(self, replica, factor: Template):
+        """Multiply δ of a replica by a power of two, which changes no digit of it."""
+        first = replica * self.state.particle_count
+        for i in range(first, first + self.state.particle_count):
+            for field in ti.static(self.deviation):
+                for k in ti.static(range(self.state.dimensions)):
+                    field[i][k] *= ti.cast(factor, float)
+        shift = ti.cast(ti.static(RANGE_BITS * float(np.log(2.0))), self.state.wide)
+        self.sums["shift"][replica] += ti.select(factor < 1.0, shift, -shift)

@@ -1,0 +1,64 @@
+"""Tangent state: the fields of a state as dual numbers, so that the text of a step computes its own derivative."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.arithmetic.dual import Dual
+from mpp_taichi.arithmetic.kernel_number import NumberVector
+
+PREFIX = "tangent_"
+
+
+def tangent_fields(particle_count: int, scratch_count: int) -> dict[str, tuple[str, int]]:
+    """The work fields of a tangent, by name: kind and count for each replica (see State)."""
+    names = ("position", "velocity", "acceleration", *(f"scratch_{k}" for k in range(scratch_count)))
+    return {PREFIX + name: ("vector", particle_count) for name in names}
+
+
+class DualField:
+    """In a kernel `field[i]` is a dual number, or a vector of them; entries with a change may be assigned to."""
+
+    _data_oriented = True  # Taichi passes such objects on as they are
+
+    def __init__(self, value: Any, change: Any) -> None:
+        """Name the field of the numbers and the field of their changes; None for numbers that never change."""
+        self.value, self.change = value, change
+
+    @property
+    def n(self) -> int:
+        """Number of components of a vector."""
+        return int(self.value.n)
+
+    def __getitem__(self, i: Any) -> Any:
+        """Entry i in a kernel."""
+        value, change = _entry(self.value, i), None if self.change is None else _entry(self.change, i)
+        if not isinstance(self.value, ti.MatrixField):
+            return Dual(value, change)
+        return NumberVector(Dual(_entry(value, k), None if change is None else _entry(change, k)) for k in range(self.n))
+
+
+class TangentState:
+    """A state for kernels whose fields of real numbers give dual numbers, with their changes in the fields `tangent_…`."""
+
+    is_tangent = True
+
+    def __init__(self, state: Any, velocity: Any = None) -> None:
+        """`state` has the fields of `tangent_fields`; `velocity` takes the place of its velocities."""
+        self._state, self._velocity = state, velocity
+        names = range(len(state.scratch))
+        self.scratch = tuple(getattr(self, f"scratch_{k}") for k in names)
+        self.moving_as_scratch = () if velocity is not None else tuple(TangentState(state, each) for each in self.scratch)
+
+    def __getattr__(self, name: str) -> Any:
+        """A field as dual numbers; all else as the state has it."""
+        if name == "velocity" and self._velocity is not None:
+            return self._velocity
+        found = getattr(self._state, name)
+        if isinstance(found, (ti.ScalarField, ti.MatrixField)) and found.dtype in (ti.f32, ti.f64):
+            return DualField(found, getattr(self._state, PREFIX + name, None))
+        return found
+
+
+def _entry(field: Any, i: Any) -> Any:
+    return ti.lang.impl.subscript(None, field, i)

@@ -1,0 +1,62 @@
+"""Tangent steps: each step is taken together with its own derivative along one deviation of each copy of the system."""
+
+import taichi as ti
+
+from mpp_taichi.arithmetic.dual import Dual
+from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.device.heavy_loops import is_heavy
+from mpp_taichi.state.tangent_state import TangentState
+from mpp_taichi.step.force_sum import SerialForceSum
+from mpp_taichi.step.launcher import Launcher
+
+
+@traced
+def constant(number):
+    """A number of the step that does not change along the deviation."""
+    return Dual(number)
+
+
+@ti.data_oriented
+class TangentSteps(Launcher):
+    """The plans serial and replicas where a quantity asks for the tangent of the step: one thread for each copy.
+
+    The text of the step is the same as in a run without a tangent; it is compiled with dual numbers (arithmetic/dual.py).
+    """
+
+    def set_up(self) -> None:
+        """Build the state of dual numbers, and the force that sums them."""
+        self.dual_state, self.dual_force = TangentState(self.state), self.total_force.with_pairs_in_turn()
+        self.dual_sum = SerialForceSum(self.dual_state, grain=self.grain, compiled=self.parts.quickly)
+        self.meter = self.parts.tangent_meter
+        assert self.meter is not None
+
+    def begin(self, time: float, dt: float) -> None:
+        """The force that a step expects the step before to have left, with its change."""
+        self.integrator.prepare(self.dual_state, self.dual_force, time, self.dual_sum.add_up)
+
+    def launch(self, time: float, dt: float, first: int, last: int) -> None:
+        """One kernel for all copies and steps."""
+        if self.state.replica_count == 1:
+            self._advance_one(time, dt, first, last)
+        else:
+            self._advance_all(time, dt, first, last)
+
+    @ti.kernel
+    def _advance_one(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
+        ti.loop_config(serialize=True)
+        for s in range(begin, end):
+            self.integrator.step(self.dual_state, self.dual_force, 0, constant(time + s * dt), constant(dt), "serial")
+            self.meter.measure(0, dt)
+
+    @ti.kernel
+    def _advance_all(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
+        for q in range(self.state.replica_count * self.grain):
+            if is_heavy(q, self.grain):
+                replica = q // self.grain
+                self.dual_force.at_replica(replica)
+                first = replica * self.state.particle_count
+                for s in range(begin, end):
+                    self.integrator.step(
+                        self.dual_state, self.dual_force, first, constant(time + s * dt), constant(dt), "serial"
+                    )
+                    self.meter.measure(replica, dt)
