@@ -45,15 +45,17 @@ class TangentMeter:
         state = self.state
         free = np.asarray(free, float)[:, : state.dimensions]
         start = np.random.default_rng(SEED).standard_normal((2, state.particle_count, 3))[:, :, : state.dimensions] * free
-        start /= np.sqrt((start**2).sum()) or 1.0
-        self.write(*start)
+        self.write(*(start / (np.sqrt((start**2).sum()) or 1.0)))
 
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Set the deviation of every replica, each (particle_count, dimensions), and begin the sums anew."""
+        """Set the deviation of every replica, each (particle_count, dimensions) and of any length, and begin the sums anew."""
+        length = np.sqrt((position**2).sum() + (velocity**2).sum())
         arrays = [np.tile(each, (self.state.replica_count, 1)) for each in (position, velocity)]
         bulk_copy.write(list(self.deviation[:2]), arrays)
         for field in self.sums.values():
             field.fill(0.0)
+        if length > 0.0:
+            self.sums["shift"].fill(-float(np.log(length)))
 
     def read(self) -> TangentGrowth:
         """The growth of every replica now."""

@@ -98,6 +98,28 @@ def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
     assert together == one_by_one == backwards == threads
 
 
+def test_chaos_of_a_member_has_the_bits_of_a_run_of_its_own():
+    measures = ["megno", "lyapunov", "fli"]
+    store = sweep(KEPLER, vary=VARIED["all"], measure=measures)
+    together = bits(rows_of(store))
+    assert together == [bits(rows_of(store, [number]))[0] for number in range(store.plan.count)]
+    assert together == bits(rows_of(store, bench=Bench(MemberDevice("cpu", "f64", 2))))
+    scene = {**KEPLER, "sweep": store.resolved["sweep"]}
+    for row, values in list(zip(rows_of(store), store.plan.values(range(store.plan.count))))[::5]:
+        with Simulation(scene, backend="cpu", precision="f64", overrides=values) as simulation:
+            simulation.run(judge="off")
+            growth = simulation.phase.read_tangent()
+        assert row.values[0] == growth.megno[0] and row.values[2] == growth.largest[0]
+        assert row.values[1] == growth.growth[0] / growth.time[0]
+
+
+def test_a_member_may_end_where_its_motion_is_found_to_be_chaotic():
+    bound = {"fli": {"below": 4}}
+    for row in rows_of(sweep(KEPLER, measure=["fli"], stop=[bound])):
+        assert (row.status == "ok") == (row.values[0] < 4)
+        assert row.status == "ok" or "fli = " in row.reason and row.time < 5
+
+
 def test_a_bench_that_was_used_before_gives_the_same_bits():
     store = sweep(KEPLER, vary=VARIED["masses"], measure=MEASURES)
     bench = Bench(MemberDevice("cpu", "f64", 1))
