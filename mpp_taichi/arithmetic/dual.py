@@ -14,6 +14,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_root
 from mpp_taichi.arithmetic.kernel_number import KernelNumber
 
 
@@ -72,7 +73,7 @@ class Dual(KernelNumber):
 
     def inverse_root(self) -> Any:
         """U = 1/√a, with the change −½ u³ δa."""
-        inverse = ti.lang.impl.expr_init(1.0 / ti.sqrt(self.value))
+        inverse = ti.lang.impl.expr_init(inverse_root(self.value))
         return _kept(inverse, None if self.change is None else -0.5 * self.change * (inverse * inverse * inverse))
 
     @property

@@ -44,9 +44,6 @@ class State:
     convert between this frame and the frame of the scene.
     """
 
-    is_tangent = False
-    """Whether a field gives dual numbers in a kernel, as the fields of a TangentState do."""
-
     def __init__(
         self,
         snapshot: Snapshot,
@@ -78,8 +75,8 @@ class State:
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
         self.carries_low = self.velocity_has_low = carries_low_parts(precision)
         self.forces_see_low, self.forces_have_low = forces_see_low_parts(precision), forces_have_low_parts(precision)
-        self.guards_rounding = guards_rounding and self.carries_low
-        self.carries_rest = self.forces_have_low
+        self.is_tangent = False  # the fields of a TangentState give dual numbers
+        self.guards_rounding, self.carries_rest = guards_rounding and self.carries_low, self.forces_have_low
         low = ("position_low", "velocity_low") if self.carries_low else ()
         low += ("position_rest", "velocity_rest") if self.carries_rest else ()
         self._moved = ("position", "velocity", *low)
