@@ -31,7 +31,7 @@ def ends_from(scene, starts):
 
 
 @pytest.mark.parametrize("name", TAKES_TANGENT)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_deviations_are_the_derivative_of_the_run(name):
     scene = everything(integrator=name)
     with Simulation(with_tangent(scene), backend="cpu", precision="f64") as simulation:
@@ -53,7 +53,7 @@ def test_deviations_are_the_derivative_of_the_run(name):
 
 @pytest.mark.parametrize("name", TAKES_TANGENT)
 @pytest.mark.parametrize("scene", [everything, lambda integrator: kepler(integrator=integrator)], ids=["everything", "kepler"])
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(10)
 def test_a_tangent_changes_no_bit_of_the_run(name, scene):
     ends = []
     for written in (scene(integrator=name), with_tangent(scene(integrator=name))):
