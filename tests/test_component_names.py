@@ -56,6 +56,7 @@ def violations(files, homes):
     return found
 
 
+@pytest.mark.sampled(3)
 def test_no_component_is_named_outside_its_own_file():
     package = component.PACKAGE_FOLDER
     files = [path for path in package.rglob("*.py") if path.relative_to(package).parts[0] not in MAY_NAME_COMPONENTS]

@@ -31,6 +31,7 @@ def test_reading_a_scene_imports_no_taichi():
     assert loaded.strip() == "False"
 
 
+@pytest.mark.sampled(3)
 def test_a_gravity_scene_imports_and_allocates_gravity_only():
     code = (
         "import sys, json; from mpp_taichi import Simulation\n"
@@ -54,6 +55,7 @@ def test_a_gravity_scene_imports_and_allocates_gravity_only():
     assert "charge" not in fields and "radius" not in fields
 
 
+@pytest.mark.sampled(3)
 def test_only_the_quantities_that_a_panel_a_column_or_an_expectation_names_are_imported():
     code = (
         "import sys, json; from mpp_taichi import Simulation\n"
@@ -77,6 +79,7 @@ def test_only_the_quantities_that_a_panel_a_column_or_an_expectation_names_are_i
     assert json.loads(run_python(code)) == named
 
 
+@pytest.mark.sampled(3)
 def test_a_scene_without_pairs_imports_no_pair_loop():
     code = (
         "import sys; from mpp_taichi import Simulation\n"
@@ -87,6 +90,7 @@ def test_a_scene_without_pairs_imports_no_pair_loop():
     assert run_python(code).strip() == "False"
 
 
+@pytest.mark.sampled(3)
 def test_fields_are_those_that_the_effects_need():
     with Simulation(everything(), backend="cpu") as simulation:
         assert {"charge", "spring_damping", "free", "scratch_0"} <= set(simulation.state.field_sizes())
@@ -102,6 +106,7 @@ NOTHING = (
 )
 
 
+@pytest.mark.sampled(3)
 def test_an_effect_of_zero_changes_no_bit_and_is_not_compiled():
     """With enough bodies, the loop over pairs is another where a second force acts, and rounds otherwise."""
     ends = []
@@ -178,6 +183,7 @@ def own_folder(tmp_path):
     component.extra_folders.remove(tmp_path)
 
 
+@pytest.mark.sampled(3)
 def test_a_force_an_integrator_and_a_generator_are_one_file_each(own_folder):
     for place, text in (("forces/harmonic_trap", FORCE), ("integrators/mclachlan2", INTEGRATOR), ("generators/row", GENERATOR)):
         path = own_folder / f"{place}.py"

@@ -62,6 +62,7 @@ def overridden(folder):
     return faults
 
 
+@pytest.mark.sampled(3)
 def test_no_property_of_a_marked_class_is_overridden_by_an_unmarked_class():
     assert overridden(ROOT / "mpp_taichi") == []
 

@@ -96,6 +96,7 @@ def test_the_number_is_that_of_the_commit_and_without_a_history_that_of_the_day(
     assert rotation.number(tmp_path / "short", 739_000) == 739_000
 
 
+@pytest.mark.sampled(3)
 def test_where_the_time_is_over_sampled_tests_are_skipped_and_all_others_run(tmp_path):
     """Two tests in a process of their own with the same hooks, with a budget of no time and with the usual budget."""
     (tmp_path / "conftest.py").write_text((ROOT / "tests" / "conftest.py").read_text(encoding="utf-8"), encoding="utf-8")

@@ -103,6 +103,7 @@ def kepler_study(tmp_path_factory):
 # --- the reference ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_the_reference_is_as_close_to_the_closed_form_as_its_bar_says(kepler_study):
     reference = kepler_study.found["reference"]
     (samples,) = kepler_study.out.glob("samples-*.json")
@@ -534,6 +535,7 @@ def test_an_orbit_is_not_chaotic():
     assert found.lyapunov_time is None and found.horizon("f64") is None
 
 
+@pytest.mark.sampled(3)
 def test_beyond_the_horizon_energies_are_compared(tmp_path):
     problem = pose(load_scene(three_bodies(400.0)))
     store = Store(tmp_path, identity(problem, 400.0, "test"))

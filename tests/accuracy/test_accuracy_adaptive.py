@@ -56,6 +56,7 @@ def bench():
     machine.close()
 
 
+@pytest.mark.sampled(3)
 def test_one_disturbed_launch_does_not_make_an_adaptive_method_dear(monkeypatch):
     """A study leaves out methods whose runs seem to take more than a part of its budget."""
     seconds = iter([5e-3, 1e-4, 2e-4])
@@ -64,6 +65,7 @@ def test_one_disturbed_launch_does_not_make_an_adaptive_method_dear(monkeypatch)
     assert machine.seconds_per_step == TRIAL * 1e-4
 
 
+@pytest.mark.sampled(3)
 def test_one_compilation_serves_all_tolerances(bench):
     """Steps go with the seventh root of the tolerance; the bits of a run do not depend on those before it."""
     ends, steps = [], []
@@ -83,6 +85,7 @@ def known(bench, *, error, bar):
     return ReferenceSolution("kahan_li8", 8, 8192, np.array([[0.0, 0.0, 0.0], end]), size, bar / size, bar / size, True)
 
 
+@pytest.mark.sampled(3)
 def test_ias15_is_a_reference_as_good_as_its_bar_says(bench):
     samples = []
     found = adaptive_reference.finer(bench.machine, known(bench, error=1e-11, bar=2e-11), Budget(1e9), add=samples.append)
@@ -93,11 +96,13 @@ def test_ias15_is_a_reference_as_good_as_its_bar_says(bench):
 
 
 @pytest.mark.parametrize("error, bar", [(1e-9, 1e-10), (0.0, 1e-16)])
+@pytest.mark.sampled(3)
 def test_a_reference_that_contradicts_ias15_or_is_better_stays(bench, error, bar):
     before = known(bench, error=error, bar=bar)
     assert adaptive_reference.finer(bench.machine, before, Budget(1e9), add=lambda _: None) is before
 
 
+@pytest.mark.sampled(3)
 def test_a_choice_of_an_adaptive_method_is_one_of_its_tolerance(tmp_path):
     """Of second order: the step η that reaches 1e-3, and not a fixed one."""
     spec = load_scene(scene(integrator={"adaptive_leapfrog": {}}, accuracy=1e-3))

@@ -62,6 +62,7 @@ def chosen(tmp_path_factory):
     return SimpleNamespace(folder=folder, spec=spec, found=found)
 
 
+@pytest.mark.sampled(3)
 def test_the_choice_reaches_its_target_and_not_much_more(chosen):
     found = chosen.found
     assert (found.integrator, found.quantity, found.precision) == ("pefrl", "position", "f64")  # as cheap, and of fourth order
@@ -112,6 +113,7 @@ def test_a_changed_target_makes_a_new_choice(chosen, monkeypatch):
         choose(load_scene(scene_of(1e-5)), chosen.folder)
 
 
+@pytest.mark.sampled(3)
 def test_a_run_takes_the_choice_and_repeats_it(chosen, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "kepler.yaml").write_text(yaml.safe_dump(scene_of(1e-6)), encoding="utf-8")
@@ -183,6 +185,7 @@ def test_a_budget_that_ends_while_methods_are_tried_does_not_end_the_trials(tmp_
     assert found.integrator == "pefrl" and 1e-4 / 3.0 < found.error <= 1e-4
 
 
+@pytest.mark.sampled(3)
 def test_the_tolerance_of_a_reference_is_made_coarser_for_a_target(tmp_path, monkeypatch):
     """The budget ended after the reference, whose tolerances are 1e-14 and below: nothing coarser is known."""
 
@@ -210,6 +213,7 @@ def test_a_run_that_reaches_the_target_as_it_is_counts_where_no_step_can_be_inte
     assert as_run(study, 1e-9) is None
 
 
+@pytest.mark.sampled(3)
 def test_an_impossible_target_ends_with_the_best_there_was(tmp_path):
     spec = load_scene(scene_of({"energy": 1e-18}))
     with pytest.raises(mpp.StabilityError, match="nothing that was tried reaches 1e-18 of energy; the best was"):

@@ -92,6 +92,7 @@ def test_a_gas_is_looked_at_while_positions_mean_something(tmp_path):
     assert study.store.span == study.problem.span
 
 
+@pytest.mark.sampled(3)
 def test_springs_and_other_forces_leave_the_scenes_own_solver_as_the_reference(tmp_path):
     drag = gas(forces=[{"linear_drag": {"coefficient": 0.1}}], run={"duration": 0.5})
     spec = load_scene(drag)
@@ -154,6 +155,7 @@ def two_disks(**more):
     )
 
 
+@pytest.mark.sampled(3)
 def test_located_contacts_are_compared_by_tolerance_with_an_exact_flight():
     """The flight shares neither the search for contacts nor the integrator with them."""
     scene = two_disks(contacts={"hard_spheres": {"solver": "located", "restitution": 0.9}}, integrator={"ias15": {}})
@@ -192,6 +194,7 @@ def pair_that_merges():
     }
 
 
+@pytest.mark.sampled(3)
 def test_spheres_that_are_left_after_mergers_are_compared_and_other_mergers_have_no_number():
     machine = machine_of(pair_that_merges(), "leapfrog")
     runs = [machine.run(machine.configuration(steps), Budget(1e9))[0] for steps in (1001, 8009)]
@@ -207,6 +210,7 @@ def test_spheres_that_are_left_after_mergers_are_compared_and_other_mergers_have
     assert MeasuredError.against(np.inf, 1e-6).bound == np.inf and str(MeasuredError.against(np.inf, 1e-6)) == "–"
 
 
+@pytest.mark.sampled(3)
 def test_the_bar_of_a_reference_with_contacts_holds_its_error():
     """By halved steps from 192 on the bar was 18 times too small: contacts fall into the same places of the steps."""
     machine = machine_of(pair_that_merges(), "leapfrog")
@@ -237,6 +241,7 @@ def test_a_target_with_contacts_is_reached_by_flight_and_kept_as_a_scene(tmp_pat
     assert np.array_equal(*ends[:2]) and np.abs(ends[0] - ends[2]).max() < 1e-2  # of first order, with steps of 1e-3
 
 
+@pytest.mark.sampled(3)
 def test_a_target_beyond_the_meaning_of_positions_is_refused_in_a_line(tmp_path):
     spec = load_scene(gas(run={"duration": 60.0}, accuracy=1e-3))
     with pytest.raises(

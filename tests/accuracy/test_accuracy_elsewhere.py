@@ -64,6 +64,7 @@ def recommended(study, target=TARGET):
     return next(row for row in study.rows() if row.sample.configuration.key == key)
 
 
+@pytest.mark.sampled(3)
 def test_the_recommended_setting_runs_on_vulkan_and_is_a_row_and_a_clause(software_vulkan, study, monkeypatch):
     devices, time_of = [], Machine.time
     monkeypatch.setattr(
@@ -86,6 +87,7 @@ def test_the_recommended_setting_runs_on_vulkan_and_is_a_row_and_a_clause(softwa
     assert there.sample.configuration.key in [row["key"] for row in found["rows"]]
 
 
+@pytest.mark.sampled(3)
 def test_a_second_study_runs_nothing_on_other_backends_unless_the_device_is_another(software_vulkan, study, monkeypatch):
     Elsewhere(study, TARGET).run()
     made = rows_of(study, "vulkan")[0].sample
@@ -120,6 +122,7 @@ def test_a_method_of_the_cpu_alone_gives_way_to_the_fastest_that_runs_there(soft
 
 
 @pytest.mark.parametrize("target", [TARGET, 2e-7])
+@pytest.mark.sampled(3)
 def test_a_backend_without_f64_takes_the_least_exact_precision_that_reaches_the_target(
     target, software_vulkan, study, monkeypatch
 ):

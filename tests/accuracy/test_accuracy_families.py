@@ -119,6 +119,7 @@ def order(tmp_path_factory):
     return study, [sample.configuration.integrator for sample in store]
 
 
+@pytest.mark.sampled(3)
 def test_every_family_is_tried_before_any_ladder_is_climbed_past_its_second_rung(order):
     study, names = order
     families = {method.family for method in study.methods.values() if not method.implicit}  # nothing limits explicit steps
@@ -148,6 +149,7 @@ def test_a_close_encounter_is_left_to_an_adaptive_method(order):
     assert max(row.sample.evaluations for row in study.rows()) < 1e6
 
 
+@pytest.mark.sampled(3)
 def test_an_eccentric_orbit_is_left_to_an_adaptive_method(tmp_path):
     spec = load_scene(eccentric())
     found = choose(spec, tmp_path, precisions=("f64",))

@@ -115,11 +115,13 @@ def test_shifted_starts_have_other_velocities_and_the_same_places():
 # --- a heap -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_positions_in_a_heap_mean_nothing():
     import_taichi()
     assert 0.0 < meaning_ends(pose(load_scene(heap())), Budget(60.0)) < 3.0
 
 
+@pytest.mark.sampled(3)
 def test_a_heap_has_a_reference_whose_bar_holds_the_mean_of_many_runs(heap_study, many_runs):
     found = heap_study.value_reference
     assert found.trusted and found.runs == RUNS and found.shift == HEAP_SHIFT
@@ -142,6 +144,7 @@ def test_the_errors_of_a_heap_are_true_where_they_are_numbers_and_bounds_else(he
     assert 0 < numbers < len(rows)
 
 
+@pytest.mark.sampled(3)
 def test_a_mean_that_is_smaller_than_its_bar_is_no_reference(tmp_path):
     """The velocity of one disk along the floor has the mean 0."""
     velocity = {"end_velocity": {"of": 0, "axis": "x", "below": 9}}

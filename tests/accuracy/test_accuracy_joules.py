@@ -2,6 +2,8 @@
 
 import time
 
+import pytest
+
 from mpp_taichi.accuracy import joules, sweep
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.findings import findings
@@ -25,6 +27,7 @@ def studied(folder):
     return study
 
 
+@pytest.mark.sampled(3)
 def test_a_run_has_the_joules_of_the_counter(tmp_path, monkeypatch):
     """The counter of this machine counts WATTS while the process works."""
     counter = [EnergyCounter("package-0", lambda: WATTS * time.process_time())]

@@ -51,6 +51,7 @@ def two_springs(target=1e-6):
     }
 
 
+@pytest.mark.sampled(3)
 def test_positions_are_chosen_for_and_reached_on_a_busy_machine(busy_machine, tmp_path):
     spec = load_scene(two_springs())
     found = choose(spec, tmp_path, integrators=("leapfrog", "pefrl", "srkn14a"), precisions=("f64",))
@@ -94,6 +95,7 @@ def test_load_changes_no_time_of_steps(threads, monkeypatch):
 
 
 @pytest.mark.parametrize("asked", [1e-6, {"position": 1e-6}])
+@pytest.mark.sampled(3)
 def test_a_budget_that_ends_before_a_run_is_said_and_changes_no_quantity(asked, tmp_path):
     scene = {**kepler(0.3), "run": {"duration": 20.0}, "accuracy": asked}
     with pytest.raises(mpp.StabilityError, match="the budget ended before the first run was done") as caught:
@@ -117,6 +119,7 @@ def test_the_verb_says_that_the_budget_ended_and_not_that_energy_is_lost(tmp_pat
     assert told["sentence"] == "nothing can be compared: the budget ended before the first run was done"
 
 
+@pytest.mark.sampled(3)
 def test_a_reference_that_needs_more_than_its_share_gets_it(tmp_path):
     """A run is 64 launches: the share of a budget of 300 has one, and a reference needs three; four budgets have eighteen."""
     problem = pose(load_scene({**kepler(0.3), "run": {"duration": 20.0}}))
@@ -128,6 +131,7 @@ def test_a_reference_that_needs_more_than_its_share_gets_it(tmp_path):
     assert any("up to 4 budgets are spent to find it" in line for line in told)
 
 
+@pytest.mark.sampled(3)
 def test_a_choice_without_its_budget_and_its_reason_is_made_anew(tmp_path, monkeypatch):
     spec = load_scene({**kepler(0.3), "run": {"duration": 20.0}, "accuracy": 1e-4})
     found = choose(spec, tmp_path, integrators=("pefrl",), precisions=("f64",))

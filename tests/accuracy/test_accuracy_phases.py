@@ -79,6 +79,7 @@ def test_twice_the_steps_are_twice_the_steps_in_every_phase(steps):
     assert [[2 * stop for stop in leg.stops] for leg in once] == [list(leg.stops) for leg in twice]
 
 
+@pytest.mark.sampled(3)
 def test_a_run_through_all_phases_has_the_error_that_a_long_double_reference_shows():
     machine = machine_of(planet(), "pefrl")
     end, budget = exact_end(planet()), Budget(1e9)
@@ -90,6 +91,7 @@ def test_a_run_through_all_phases_has_the_error_that_a_long_double_reference_sho
     assert np.array_equal(ends[0].end, again.end)
 
 
+@pytest.mark.sampled(3)
 def test_a_settled_scene_takes_the_steps_of_the_pilot_bit_for_bit():
     steps = 300
     machine = machine_of(planet(), "pefrl")
@@ -120,6 +122,7 @@ def test_an_unlike_timeline_is_another_problem():
     assert pose(load_scene(planet())).identity() == known
 
 
+@pytest.mark.sampled(3)
 def test_phases_with_methods_of_their_own_are_run_as_written_and_by_each_method():
     scene = planet()
     scene["timeline"][2]["set"] = {"forces.newtonian_gravity.strength": 2, "integrator": {"rk4": {"dt": 0.005}}}
@@ -135,6 +138,7 @@ def test_phases_with_methods_of_their_own_are_run_as_written_and_by_each_method(
     assert sample.status == "ok" and sample.configuration.tolerance is None
 
 
+@pytest.mark.sampled(3)
 def test_a_target_is_reached_through_all_phases_and_the_choice_is_kept(tmp_path, monkeypatch):
     scene = planet(timeline=planet()["timeline"][:2])
     spec = load_scene({**scene, "accuracy": 1e-6})

@@ -79,6 +79,7 @@ def ellipse_study(tmp_path_factory):
 # --- the reference and the errors -------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_the_reference_period_is_that_of_kepler_within_its_bar(ellipse_study):
     found = ellipse_study.value_reference
     assert found.trusted and found.scales == [pytest.approx(2.0 * math.pi)]
@@ -123,6 +124,7 @@ def kept(tmp_path):
     return SimpleNamespace(folder=tmp_path, spec=spec, found=found)
 
 
+@pytest.mark.sampled(3)
 def test_a_choice_is_kept_with_its_quantity_and_another_quantity_makes_a_new_choice(kept, monkeypatch):
     monkeypatch.setattr(Study, "run", lambda self: (_ for _ in ()).throw(InterruptedError))
     assert choose(kept.spec, kept.folder, precisions=("f64",)) == kept.found
@@ -145,6 +147,7 @@ def test_a_period_longer_than_the_run_is_refused_with_the_reason(tmp_path):
         chosen_for({"of": "orbital_period", "below": 1e-3}, tmp_path, run={"duration": 3})
 
 
+@pytest.mark.sampled(3)
 def test_a_quantity_that_is_an_error_itself_is_not_divided_by_its_value(tmp_path):
     target, expect = {"of": "relative_energy_error_max", "below": 1e-4}, {"relative_energy_error_max": {"below": 1e-4}}
     spec, found = chosen_for(target, tmp_path, methods=("pefrl",), expect=expect)
@@ -198,6 +201,7 @@ def test_values_that_agree_by_chance_do_not_shorten_the_bar():
 # --- gases ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_positions_in_a_gas_lose_their_meaning_and_in_a_short_run_they_do_not():
     import_taichi()
     long, short = (pose(load_scene(gas(run={"duration": span}))) for span in (40, 4))
@@ -210,6 +214,7 @@ def gas_study(tmp_path_factory):
     return study_of(gas(), tmp_path_factory.mktemp("gas"), "pressure", ("swept",), aim=0.1, seconds=12.0)
 
 
+@pytest.mark.sampled(3)
 def test_a_setting_of_a_gas_is_compared_by_means_with_a_bar(gas_study):
     known = gas_study.value_reference
     assert known.runs == 6 and known.integrator == "event_driven"
@@ -221,6 +226,7 @@ def test_a_setting_of_a_gas_is_compared_by_means_with_a_bar(gas_study):
         assert row.wanted.value is None and row.wanted.at_most < 3.0 * math.hypot(1.0, 1.0) * known.bar + 2.0 * known.scatter
 
 
+@pytest.mark.sampled(3)
 def test_a_bad_solver_differs_by_more_than_the_scatter(gas_study):
     """Disks of 0.6 that move by 0.6 in a step are found when they overlap by their radius, and walls are met late."""
     import_taichi()
@@ -230,6 +236,7 @@ def test_a_bad_solver_differs_by_more_than_the_scatter(gas_study):
     assert gas_study.value_reference.error(sample).value > 0.05
 
 
+@pytest.mark.sampled(3)
 def test_a_target_of_positions_in_a_gas_is_refused_with_a_target_that_it_can_have(tmp_path):
     spec = load_scene(gas(accuracy=1e-3))
     with pytest.raises(mpp.StabilityError, match="keeps its meaning: accuracy: {of: pressure, below: …}"):
@@ -245,6 +252,7 @@ def run_verb(folder, scene, *words):
     return main(["accuracy", str(path), "--out", str(folder / "out"), "--precisions", "f64", "--backends", "cpu", *words])
 
 
+@pytest.mark.sampled(3)
 def test_the_table_has_a_column_of_the_quantity(tmp_path, capfd):
     code = run_verb(tmp_path, ellipse(), "--of", "orbital_period", "--integrators", "leapfrog", "--budget", "8s")
     told = capfd.readouterr().out
@@ -255,6 +263,7 @@ def test_the_table_has_a_column_of_the_quantity(tmp_path, capfd):
     assert "error of orbital_period" in (tmp_path / "out" / "accuracy.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.sampled(3)
 def test_a_gas_is_compared_by_what_it_expects_first(tmp_path, capfd):
     code = run_verb(tmp_path, gas(), "--integrators", "swept", "--budget", "10s")
     told = capfd.readouterr()

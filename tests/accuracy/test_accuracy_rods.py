@@ -1,6 +1,7 @@
 """Scenes with rigid rods have a price list like others: errors are those of Lagrange's equations, and targets are reached."""
 
 import numpy as np
+import pytest
 from test_rods import LENGTHS, double_pendulum, lagrange
 
 from mpp_taichi import Simulation
@@ -18,6 +19,7 @@ def scene(**more):
     return load_scene({**double_pendulum({"leapfrog": {"dt": 0.01}}), "run": {"duration": 1.0}, **more})
 
 
+@pytest.mark.sampled(3)
 def test_errors_are_those_of_lagranges_equations(tmp_path):
     spec = scene()
     problem = pose(spec)
@@ -34,6 +36,7 @@ def test_errors_are_those_of_lagranges_equations(tmp_path):
         assert true <= 1.01 * row.position.value and row.position.value <= max(LENGTHS) * 10.0 * true
 
 
+@pytest.mark.sampled(3)
 def test_a_target_is_reached_along_rods(tmp_path):
     target = 1e-6
     spec = scene(accuracy=target)

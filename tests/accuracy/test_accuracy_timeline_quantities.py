@@ -60,6 +60,7 @@ def spring_study(tmp_path_factory):
     return study
 
 
+@pytest.mark.sampled(3)
 def test_the_reference_of_a_whole_timeline_is_the_closed_form_within_its_bar(spring_study):
     found = spring_study.value_reference
     assert found.trusted and found.bar < 1e-11
@@ -73,6 +74,7 @@ def test_every_error_of_a_timeline_that_is_told_is_within_a_factor_of_two(spring
     assert len(told) > 4 and min(row.wanted.value for row in told) < 1e-7
 
 
+@pytest.mark.sampled(3)
 def test_a_row_of_a_timeline_measures_what_the_run_verb_measures(spring_study):
     import_taichi()
     machine = Machine(spring_study.problem, "pefrl", backend="cpu", precision="f64")

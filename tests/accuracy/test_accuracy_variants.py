@@ -47,6 +47,7 @@ def test_a_variant_is_tried_where_its_integrator_is_but_not_beside_itself():
     assert LAZY not in methods(pose(load_scene({**kepler(0.3), "run": {"duration": 1.0}, "forces": []})))
 
 
+@pytest.mark.sampled(3)
 def test_the_lazy_kernel_leaves_a_far_smaller_error_in_the_same_steps():
     """ε² dt² becomes ε² dt⁴: with 25 steps in the shortest orbit, (ω dt)² is 2π/25 squared, a sixteenth."""
     problem = pose(load_scene(PLANETS)).shortened(4000.0)

@@ -43,6 +43,7 @@ def study(tmp_path_factory):
     return found
 
 
+@pytest.mark.sampled(3)
 def test_the_error_of_every_frame_is_measured(study):
     checked = [row for row in study.rows() if row.sample.along is not None]
     assert checked and any(row.sample.along > FILM for row in checked)  # a run whose end is right, and not its frames

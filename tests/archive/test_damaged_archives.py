@@ -73,6 +73,7 @@ def test_a_changed_byte_is_found(path, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["plain", "contacts"])
+@pytest.mark.sampled(3)
 def test_a_state_of_wrong_values_is_refused_in_words(kind, tmp_path):
     """Checksums that are right, around bytes that are wrong: in the text with the structure, where a value counts most."""
     path, seed = RELEASES[-1] / f"{kind}.run", random.randrange(2**32)

@@ -123,6 +123,7 @@ for number in range(1000):
 """
 
 
+@pytest.mark.sampled(3)
 def test_a_killed_study_loses_less_than_a_second(tmp_path):
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path / "journal")], stdout=subprocess.PIPE, text=True)
     done = [int(process.stdout.readline()) for _ in range(100)]

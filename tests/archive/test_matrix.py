@@ -22,6 +22,7 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize(("cell", "cut"), cells, ids=[f"{cell}-cut at {cut}" for cell, cut in cells])
 
 
+@pytest.mark.sampled(3)
 def test_a_run_that_is_cut_off_goes_on_with_the_same_bits_and_samples(cell, cut):
     try:
         assert cell.goes_on(cut)
@@ -41,6 +42,7 @@ def test_the_matrix_has_every_method_solver_plan_precision_and_recorder():
     assert first == [cell for cell, _ in islice(drawn(1), 400)] != [cell for cell, _ in islice(drawn(2), 400)]
 
 
+@pytest.mark.sampled(3)
 def test_a_run_that_goes_on_without_its_memory_is_noticed(monkeypatch):
     """The matrix would be worth nothing if no difference were seen."""
     case = Case("leapfrog", "serial", "f64", recorder="table")

@@ -57,6 +57,7 @@ def test_every_contact_solver_goes_on_with_the_same_bits(solver, precision):
         pytest.skip(str(refused).splitlines()[0])
 
 
+@pytest.mark.sampled(3)
 def test_a_run_that_goes_on_within_a_phase_ends_it_with_the_same_bits():
     scene = orbits("pefrl") | {"timeline": [{"at": 0.3333333, "set": {"forces.newtonian_gravity.strength": 1.1}}]}
     wanted = None
@@ -89,6 +90,7 @@ def test_a_moment_of_another_run_is_refused():
             go_to(simulation, {})
 
 
+@pytest.mark.sampled(3)
 def test_resume_gives_any_moment_of_an_archive(tmp_path):
     path = tmp_path / "a.run"
     wanted = {}
@@ -120,6 +122,7 @@ def test_resume_gives_any_moment_of_an_archive(tmp_path):
         mpp.resume(path, at=-1.0)
 
 
+@pytest.mark.sampled(3)
 def test_a_start_from_a_file_that_has_changed_is_refused(tmp_path):
     path, table, scene = tmp_path / "a.run", tmp_path / "bodies.csv", tmp_path / "s.yaml"
     table.write_text(
@@ -135,6 +138,7 @@ def test_a_start_from_a_file_that_has_changed_is_refused(tmp_path):
         mpp.resume(path, at=0.0)
 
 
+@pytest.mark.sampled(3)
 def test_checkpoints_are_written_while_a_simulation_runs_and_when_it_is_closed(tmp_path):
     path = tmp_path / "new" / "a.run"
     with Simulation(orbits("leapfrog"), backend="cpu") as simulation:
@@ -164,6 +168,7 @@ def test_checkpoints_are_written_while_a_simulation_runs_and_when_it_is_closed(t
     assert times_in(path) == [last]
 
 
+@pytest.mark.sampled(3)
 def test_replay_gives_any_moment(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with Simulation(orbits("leapfrog"), backend="cpu", precision="f64") as simulation:

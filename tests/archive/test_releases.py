@@ -87,6 +87,7 @@ def test_the_pictures_of_an_earlier_release_are_those_of_its_frames(release):
 
 
 @pytest.mark.parametrize("release", RELEASES, ids=[release.name for release in RELEASES])
+@pytest.mark.sampled(3)
 def test_states_and_trajectories_of_an_earlier_release_are_read(release, placed, capsys):
     wanted = placed(release, "plain")
     words = [each for each in wanted["command"] if not each.startswith(("--inspect", "panels"))]

@@ -71,6 +71,7 @@ def places(*times, **changes):
 # --- what is filmed ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_a_film_of_two_methods_and_their_distance_is_that_of_two_plain_runs(scene, capsys):
     words = ["record", scene(), "--beside", "integrator=rk4", "--beside", "dt=0.05", "--backend", "cpu", *FILM]
     files = ["--video", "film.mp4", "--inspect", "d.csv", "--inspect", "d.png", "--snapshot", "end.npz", "--json"]
@@ -234,12 +235,14 @@ def test_another_device_is_another_process_that_says_what_it_is(scene, capsys, s
     assert 1e-9 < distance[-1] < 67 * 2.0**-24 * 100
 
 
+@pytest.mark.sampled(3)
 def test_halves_of_one_motion_have_no_distance_and_a_panel_without_a_curve(scene):
     words = ["record", scene(), "--beside", "threads=1", "--still", "a.png", "--inspect", "a.csv", "--backend", "cpu", *FILM]
     assert main(words) == 0
     assert not table("a.csv")["rms_distance"].any(), "bit for bit the same, also between two steps"
 
 
+@pytest.mark.sampled(3)
 def test_halves_of_different_particles_have_no_panel_and_no_table(scene, capsys):
     words = ["record", scene(), "--beside", "particles=[{body: {mass: 1, position: [0, 0, 0]}}]", "--beside", "forces=[]"]
     assert main([*words, "--still", "a.png", "--size", "128x96", "--fps", "4", "--duration", "1"]) == 0
@@ -287,6 +290,7 @@ def test_the_text_of_a_repeat_differs_in_the_right_half():
     )
 
 
+@pytest.mark.sampled(3)
 def test_a_scene_says_itself_what_is_beside_it(scene, capsys):
     words = ["--inspect", "d.csv", "--still", "a.png", "--backend", "cpu", "--json", *FILM]
     assert main(["record", scene(**OTHER), *words]) == 0
@@ -382,6 +386,7 @@ def test_a_page_of_two_runs_is_refused(scene, capsys):
     assert "--html a.html holds one run" in capsys.readouterr().err
 
 
+@pytest.mark.sampled(3)
 def test_a_right_half_that_blows_up_leaves_the_film_until_then_and_one_line(tmp_path, monkeypatch, capsys):
     """ω dt = 4: each step of leapfrog multiplies the displacement by 14, and f32 ends at 3e38, after 34 steps."""
     monkeypatch.chdir(tmp_path)

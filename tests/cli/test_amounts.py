@@ -108,6 +108,7 @@ def test_a_trajectory_that_the_disk_cannot_hold_is_refused(scene, no_start, caps
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("beside", [[], ["--beside", "integrator=rk4"]], ids=["one picture", "two halves"])
+@pytest.mark.sampled(3)
 def test_a_signal_ends_a_film_that_has_many_frames_between_two_steps(scene, number, beside):
     words = ["record", scene(run={"steps": 1}), "--frames", "f", "--size", "320x180", "--fps", "1000", "--duration", "900"]
     command = [sys.executable, "-m", "mpp_taichi", *words, *beside, "-q"]

@@ -34,6 +34,7 @@ def watched(simulation, every, **length):
 
 
 @pytest.mark.parametrize(("name", "holds", "breaks"), [("leapfrog", 0.028, 0.0285), ("rk4", 0.040, 0.042)])
+@pytest.mark.sampled(3)
 def test_the_double_pendulum_breaks_where_it_is_known_to(name, holds, breaks, monkeypatch):
     """Leapfrog multiplies the stiff swing by λ = 1.29 a step of 0.0285, ω dt = 2.0163: cosh(ln λ) = (ω dt)²/2 − 1.
 
@@ -81,6 +82,7 @@ def springs_at_rest(displacement, dt, **more):
     return {"particles": bodies, "springs": links, "integrator": {"leapfrog": {"dt": dt}}}
 
 
+@pytest.mark.sampled(3)
 def test_a_start_without_energy_is_no_false_alarm_and_no_blind_spot():
     """E₀ = 0 in a scene at rest; with a displacement of 1e-9, E₀ = 5e-17, and growth from there is a blow-up like any other."""
     scene = springs_at_rest(0.0, 0.1)
@@ -116,6 +118,7 @@ def test_round_off_of_single_precision_raises_no_alarm(scene):
         assert watched(simulation, 5, steps=10 if many else min(2000, whole)) is None
 
 
+@pytest.mark.sampled(3)
 def test_a_sphere_that_rises_when_its_load_is_removed_raises_no_alarm():
     """Contacts give back ½ c F², which is no part of the energy that is watched, to a sphere that has none to turn over."""
     scene = {
@@ -136,6 +139,7 @@ def test_a_sphere_that_rises_when_its_load_is_removed_raises_no_alarm():
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
+@pytest.mark.sampled(3)
 def test_friction_raises_no_alarm(integrator):
     with Simulation(everything(integrator=integrator, dt=0.01), backend="cpu") as simulation:
         assert watched(simulation, 7, steps=700) is None
@@ -217,6 +221,7 @@ def run_json(capsys, *words):
     return code, json.loads(captured.out), captured.err
 
 
+@pytest.mark.sampled(3)
 def test_a_run_that_blew_up_goes_on_with_a_step_that_holds(pendulum, capsys):
     code, found, err = run_json(capsys, pendulum, "--force")
     state = Snapshot.load("out/pendulum.crash.npz")

@@ -104,6 +104,7 @@ def test_the_list_can_be_searched(capsys):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.sampled(3)
 def test_a_copy_is_the_same_scene_with_its_comments(name, empty_folder, capsys):
     assert main(["new", "deeper/my.yaml", "--like", name]) == 0
     copy = Path("deeper/my.yaml")

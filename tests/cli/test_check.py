@@ -80,6 +80,7 @@ def test_the_bound_of_a_number_below_0_says_that_it_bounds_the_absolute_value(va
     assert bound_text(bounded, "f64", value) == words
 
 
+@pytest.mark.sampled(3)
 def test_the_period_of_a_kepler_orbit_is_found_whatever_the_sampling(folder, capsys):
     # Vis viva with G (m₁ + m₂) = 1.001 at pericentre 0.7, v² = 1.3 / 0.7; leapfrog at dt = 0.01 shifts the period by 5e-5.
     axis = 1.0 / (2.0 / 0.7 - 1.3 / 0.7 / 1.001)
@@ -92,6 +93,7 @@ def test_the_period_of_a_kepler_orbit_is_found_whatever_the_sampling(folder, cap
     assert code == 4 and found["expect"][0]["value"] is None and "did not complete a turn" in found["expect"][0]["reason"]
 
 
+@pytest.mark.sampled(3)
 def test_a_wrong_expectation_fails_and_a_right_one_passes(folder, capsys):
     right = folder("a.yaml", {"relative_energy_error_max": {"below": 1e-3}, "steps": {"near": 629, "within": 0}})
     wrong = folder("b.yaml", {"relative_energy_error_max": {"below": 1e-12}, "steps": {"near": 629, "within": 0}})
@@ -102,6 +104,7 @@ def test_a_wrong_expectation_fails_and_a_right_one_passes(folder, capsys):
     assert [row["passed"] for row in second["expect"]] == [False, True]
 
 
+@pytest.mark.sampled(3)
 def test_a_folder_means_every_scene_in_it_and_a_broken_one_stops_nothing(folder, capsys):
     folder("s/a.yaml", {"steps": {"above": 0}})
     folder("s/b.yaml", integrator={"leapfrg": {"dt": 1}})
@@ -164,6 +167,7 @@ def test_an_empty_folder_is_wrong_usage(tmp_path, capsys):
 # Many at once
 
 
+@pytest.mark.sampled(3)
 def test_scenes_at_once_are_judged_as_one_after_the_other(folder, capsys):
     folder("s/a.yaml", {"steps": {"above": 0}}, duration=2.0)
     folder("s/b.yaml", integrator={"leapfrg": {"dt": 1}})
@@ -178,6 +182,7 @@ def test_scenes_at_once_are_judged_as_one_after_the_other(folder, capsys):
     assert found["1"] == found["2"] and [row["exit_code"] for row in found["2"]] == [0, 2, 4]
 
 
+@pytest.mark.sampled(3)
 def test_a_process_that_breaks_off_fails_its_own_scene(folder, capsys, monkeypatch):
     """One that ends without a word, in place of Python itself falling over."""
     lost = "import sys, os; os._exit(7) if sys.argv[-1] == 'a.yaml' else os.execv(sys.executable, sys.argv[1:])"
@@ -189,6 +194,7 @@ def test_a_process_that_breaks_off_fails_its_own_scene(folder, capsys, monkeypat
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are looked up in /proc")
+@pytest.mark.sampled(3)
 def test_an_interrupt_ends_all_of_them(folder):
     scenes = [folder(name, {"steps": {"above": 0}}, duration=1e9) for name in ("a.yaml", "b.yaml", "c.yaml")]
     command = [sys.executable, "-m", "mpp_taichi", "check", *scenes, "--jobs", "2"]

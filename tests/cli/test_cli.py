@@ -150,6 +150,7 @@ def test_a_status_other_than_ok_says_why(scene, capsys):
     assert lines[2].startswith("  expect  FAIL  steps = ")
 
 
+@pytest.mark.sampled(3)
 def test_a_reader_that_leaves_does_not_hide_that_the_run_failed(scene):
     """Standard output is a pipe that its reader has closed."""
     for expect, code in (({"steps": {"below": 1}}, 4), ({"steps": {"above": 1}}, 141)):
@@ -178,6 +179,7 @@ def test_a_dry_run_starts_no_device(scene):
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+@pytest.mark.sampled(3)
 def test_record_makes_exactly_the_frames_asked_for(scene, suffix):
     film = f"film{suffix}"
     words = ["record", scene(), "--video", film, "--size", "64x48", "--fps", "12", "--duration", "1.75", "-q"]
@@ -193,6 +195,7 @@ def test_record_frames_needs_no_encoder(scene, monkeypatch):
     assert sorted(entry.name for entry in Path("pictures").iterdir()) == [f"frame_{k:06d}.png" for k in range(3)]
 
 
+@pytest.mark.sampled(3)
 def test_a_still_of_a_film_of_one_frame_shows_the_end(scene):
     size = ["--size", "64x48", "--fps", "10", "-q", "--no-archive"]
     assert main(["record", scene(), "--still", "one.png", "--duration", "0.1", *size]) == 0
@@ -382,6 +385,7 @@ def test_no_character_ends_the_program_in_a_poor_locale(scene):
 @pytest.mark.parametrize(
     ("redirection", "code"), [("| head -c 0; exit ${PIPESTATUS[0]}", 141), ("> /dev/full", 5), (">&-", 0), ("2>&-", 0)]
 )
+@pytest.mark.sampled(3)
 def test_a_closed_or_full_output_ends_quietly(scene, redirection, code):
     command = f'"{sys.executable}" -m mpp_taichi schema {redirection}'
     done = subprocess.run(
@@ -392,6 +396,7 @@ def test_a_closed_or_full_output_ends_quietly(scene, redirection, code):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.sampled(3)
 def test_a_signal_saves_what_there_is(scene, number):
     name = scene(run={"duration": 4e6}, record={"size": [64, 48], "seconds": 1000})
     program = start(name, "--video", "f.mp4", "--diagnostics", "d.csv", "--trajectory", "t.npz", "--json", "--every", "1000")

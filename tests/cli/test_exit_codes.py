@@ -151,6 +151,7 @@ def ended(words, capsys, *, said=""):
 @pytest.mark.parametrize(
     ("code", "verb"), [pytest.param(code, verb, id=f"{code}-{verb}") for code, rows in ENDINGS.items() for verb in rows]
 )
+@pytest.mark.sampled(3)
 def test_a_verb_ends_with_the_code_of_its_failure(code, verb, capsys):
     words, said = ENDINGS[code][verb]
     assert words[0] == verb and ended(words, capsys, said=said) == code
@@ -216,6 +217,7 @@ def test_an_examination_without_threads_is_code_6(capsys, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full is of Linux")
 @pytest.mark.parametrize("verb", PLANTED[5])
+@pytest.mark.sampled(3)
 def test_results_that_the_disk_cannot_hold_are_code_5(verb, monkeypatch):
     monkeypatch.setattr("mpp_taichi.cli._costs.measure", lambda _: (StepTime(1e-6, 1e-7), [], []))
     words = [verb, *(["s.yaml", "--quiet"] if verb in ("explain", "check") else []), *(["--json"] if verb == "check" else [])]

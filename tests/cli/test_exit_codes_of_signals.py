@@ -83,6 +83,7 @@ WORKING = {
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("verb", WORKING)
+@pytest.mark.sampled(3)
 def test_a_signal_within_the_work_of_a_verb_is_its_code(verb, number, capsys, monkeypatch):
     monkeypatch.setattr(*WORKING[verb], signalled(number))
     more = ["--headless"] if verb == "run" else []

@@ -115,6 +115,7 @@ def test_explain_tells_fields_and_effects(tmp_path, capsys, measured_once):
     assert found["seconds_per_step"] > 0
 
 
+@pytest.mark.sampled(3)
 def test_explain_says_it_in_words(tmp_path, capsys, measured_once):
     path = tmp_path / "everything.yaml"
     path.write_text(yaml.safe_dump(everything()), encoding="utf-8")

@@ -64,6 +64,7 @@ def test_a_trajectory_is_no_state():
 
 
 @pytest.mark.parametrize("name", ["falling_0000.npz", "falling.interrupted.npz", "falling.npz", "other.npz"])
+@pytest.mark.sampled(3)
 def test_a_state_goes_on_in_the_scene_that_runs_or_in_the_scene_of_its_name(name, capsys):
     with Simulation("falling.yaml", backend="cpu", precision="f64") as simulation:
         simulation.run(until=1.0)
@@ -82,6 +83,7 @@ def test_a_state_goes_on_in_the_scene_that_runs_or_in_the_scene_of_its_name(name
         assert alone.dt == 0.125, "the step of the run"
 
 
+@pytest.mark.sampled(3)
 def test_an_opened_state_goes_on_bit_for_bit_and_so_does_its_log(capsys):
     """A slider was moved before the state was saved, and another move after it is of another future."""
     with Simulation("falling.yaml", backend="cpu", precision="f64") as simulation:

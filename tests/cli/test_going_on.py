@@ -47,6 +47,7 @@ def results(folder):
 
 
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
+@pytest.mark.sampled(3)
 def test_the_same_command_goes_on_to_the_same_results(whole, tmp_path, signals):
     with_scene(tmp_path, SCENE)
     assert cut_off(command(), tmp_path, signals) in (143, -KILL)
@@ -64,6 +65,7 @@ def test_the_same_command_goes_on_to_the_same_results(whole, tmp_path, signals):
     assert "going on" not in done.stderr
 
 
+@pytest.mark.sampled(3)
 def test_another_scene_is_refused_until_it_begins_anew(tmp_path):
     with_scene(tmp_path, SCENE)
     assert cut_off(command(), tmp_path, (TERM,)) == 143

@@ -79,6 +79,7 @@ def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
     assert not [each for each in os.listdir(folder) if "part" in each or "lock" in each]
 
 
+@pytest.mark.sampled(3)
 def test_a_run_killed_twice_takes_the_frames_of_the_interrupted_file(whole, folder):
     cut_off(command("--trajectory", "t.npz"), folder, (TERM,))
     cut_off(command("--trajectory", "t.npz"), folder, (KILL,))

@@ -52,6 +52,7 @@ def whole(tmp_path_factory):
 
 
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL), (RECORD, RECORD, TERM)], ids=["TERM", "KILL", "two records"])
+@pytest.mark.sampled(3)
 def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
     cut_off(command(*FILES), folder, signals)
     if signals[-1] == TERM:
@@ -67,6 +68,7 @@ def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
     ended.close()
 
 
+@pytest.mark.sampled(3)
 def test_another_film_and_a_missing_picture_are_refused(folder):
     given = ("--frames", "pictures", "--video", "v.mp4")
     cut_off(command(*given), folder, (RECORD, KILL))
@@ -85,6 +87,7 @@ def test_another_film_and_a_missing_picture_are_refused(folder):
     assert len(os.listdir(folder / "pictures")) == 6
 
 
+@pytest.mark.sampled(3)
 def test_a_full_disk_costs_the_archive_and_not_the_film(whole, folder):
     """The limit on the size of a file stands for the full disk: the picture fits, a record does not."""
     process = subprocess.Popen(

@@ -82,6 +82,7 @@ def cut_off(folder, pattern, count, number, *words):
 
 
 @pytest.mark.parametrize("number", [KILL, TERM], ids=["KILL", "TERM"])
+@pytest.mark.sampled(3)
 def test_check_takes_the_verdicts_that_were_finished(tmp_path, number):
     for name, text in {"a": QUICK, "b": SLOW}.items():
         (tmp_path / f"{name}.yaml").write_text(text)
@@ -97,6 +98,7 @@ def test_check_takes_the_verdicts_that_were_finished(tmp_path, number):
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.sampled(3)
 def test_check_goes_on_within_a_scene(tmp_path, jobs):
     """Two scenes, so that each is checked by a process of its own where there are two jobs."""
     for name in "ab":
@@ -111,6 +113,7 @@ def test_check_goes_on_within_a_scene(tmp_path, jobs):
         assert [scene[name] for scene in found["scenes"]] == [scene[name] for scene in whole["scenes"]]
 
 
+@pytest.mark.sampled(3)
 def test_check_does_a_changed_scene_again(tmp_path):
     for name, text in {"a": QUICK, "b": SLOW}.items():
         (tmp_path / f"{name}.yaml").write_text(text)

@@ -47,6 +47,7 @@ def body(name, place, speed=0.0, **more):
     return {"body": {"name": name, "position": [place, 0.5, 0], "velocity": [speed, 0, 0], "mass": 1.0, **more}}
 
 
+@pytest.mark.sampled(3)
 def test_the_contacts_of_a_run_are_those_of_a_collision_on_a_line(capsys):
     """A sphere of mass 1 hits a resting one of mass 3 at t = ½, with e = ½: the impulse is μ (1 + e) u = ¾ · 3/2.
 
@@ -92,6 +93,7 @@ def sprung(times, dt, stiffness, friction):
     return found
 
 
+@pytest.mark.sampled(3)
 def test_the_balance_of_an_implicit_run_with_a_timeline_is_that_of_a_linear_oscillator(capsys):
     """The extension u of the spring obeys u″ = −2 (D u + c u′); at t = 1 the stiffness D is doubled, which adds ½ ΔD u².
 
@@ -149,6 +151,7 @@ def test_the_balance_of_an_implicit_run_with_a_timeline_is_that_of_a_linear_osci
     }
 
 
+@pytest.mark.sampled(3)
 def test_the_step_control_of_a_run_counts_its_steps(capsys):
     """No second computation counts steps, so that the counts are bounded by each other."""
     found, more = ran({**SCENE, "integrator": {"ias15": {}}}, capsys)

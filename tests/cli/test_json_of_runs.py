@@ -125,6 +125,7 @@ def verdict(found, error, *, below=1, passed=True):
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0, 0.0), FIELD], ids=["closed", "falling"])
+@pytest.mark.sampled(3)
 def test_every_key_of_a_run_is_what_numpy_computes(field, capsys):
     if any(field):
         write("s.yaml", forces=[*SCENE["forces"], {"uniform_gravity": {"acceleration": list(field)}}])
@@ -163,6 +164,7 @@ def test_every_key_of_a_check_of_a_faulty_scene_is_that_of_the_fault(capsys):
     assert row == expected_row
 
 
+@pytest.mark.sampled(3)
 def test_every_key_of_a_film_is_that_of_its_run(capsys):
     """A film has a key more, the time of its pictures."""
     found = asked(capsys, "record", "s.yaml", "--frames", "f", "--every", "1", "--no-archive", *WHERE)

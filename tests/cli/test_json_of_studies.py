@@ -159,6 +159,7 @@ def test_every_key_of_a_comparison_follows_from_the_scene_and_the_samples(capsys
 # --- verify -------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_every_key_of_an_examination_is_the_question_s_or_its_documented_bound(capsys):
     """The bound of roundings is that of docs/verify.md, for 300 steps of three stages and 3 rad of an orbit with e = 0.3."""
     roundings = math.sqrt(3 * 300 * 3) * 2.0**-53 * (1.0 + 3.0 * 3.0 / (1.0 - 0.3))
@@ -198,6 +199,7 @@ def test_every_key_of_an_examination_is_the_question_s_or_its_documented_bound(c
 VARIED = ("--vary", "particles[1].body.velocity[1]=1.0:1.2:3", "--measure", "end_time", "--measure", "total_energy")
 
 
+@pytest.mark.sampled(3)
 def test_every_key_of_a_sweep_is_that_of_its_table(capsys):
     """The last of three members is the scene itself, whose energy NumPy knows."""
     found = asked(capsys, "sweep", "s.yaml", *VARIED, "--out", "o", "--quiet", "--workers", "1")

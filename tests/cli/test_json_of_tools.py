@@ -188,6 +188,7 @@ def test_every_key_of_a_conversion_is_what_the_file_holds(capsys):
 
 
 @pytest.mark.parametrize("is_verified", [False, True])
+@pytest.mark.sampled(3)
 def test_every_key_of_a_passport_is_the_scene_s_or_the_machine_s(is_verified, capsys, monkeypatch):
     kept, counts = Path("verified.json"), {"solved": 5, "refused": 2, "failed": 0, "length": "quick", "date": "2026-11-01"}
     monkeypatch.setattr("mpp_taichi.cli._passport._verdicts_file", lambda: kept)

@@ -37,6 +37,7 @@ def run_without(hidden, folder, *words):
 
 
 @pytest.mark.parametrize("module", ["PIL", "taichi", "yaml", "pydantic", "numpy", "pydantic_core"])
+@pytest.mark.sampled(3)
 def test_a_missing_package_is_one_line_and_code_2(module, tmp_path):
     done = run_without([module], tmp_path, "run", ROOT / "scenes/kepler.yaml", "--steps", 2, "--video", "k.mp4", "--json")
     assert done.returncode == 2, done.stderr

@@ -53,6 +53,7 @@ def pictures(folder):
     return [np.asarray(Image.open(path)) for path in sorted(Path(folder).iterdir())]
 
 
+@pytest.mark.sampled(3)
 def test_the_film_of_the_same_view_has_the_same_bytes(run, tmp_path):
     before = (run / "out" / "s.run").read_bytes()
     done = run_whole(command("replay", str(run / "out" / "s.run"), *OUTPUTS), tmp_path)
@@ -66,6 +67,7 @@ def test_the_film_of_the_same_view_has_the_same_bytes(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.sampled(3)
 def test_a_part_shows_the_moments_of_the_whole(run, tmp_path, capsys, monkeypatch):
     """Without trails, panels and colours that remember earlier frames, a frame is that of the whole film at its time."""
     monkeypatch.chdir(tmp_path)
@@ -89,6 +91,7 @@ def test_a_part_shows_the_moments_of_the_whole(run, tmp_path, capsys, monkeypatc
         assert np.abs(picture.astype(int) - whole[30 + k]).max() <= 8, k  # the times differ by rounding, and so edges do
 
 
+@pytest.mark.sampled(3)
 def test_another_camera_and_the_share_of_the_frames(run, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     archive = str(run / "out" / "s.run")
@@ -102,6 +105,7 @@ def test_another_camera_and_the_share_of_the_frames(run, tmp_path, monkeypatch, 
     assert not np.array_equal(pictures("b")[0], found[0])
 
 
+@pytest.mark.sampled(3)
 def test_the_film_of_a_run_that_goes_on_ends_at_its_last_record(run, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["replay", str(run / "cut.run"), "--json"]) == 0

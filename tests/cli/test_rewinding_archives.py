@@ -65,6 +65,7 @@ def states_of(path="out/s.run"):
         found.close()
 
 
+@pytest.mark.sampled(3)
 def test_a_run_goes_back_to_its_last_good_record_with_a_step_that_holds(folder, capsys):
     crash = blown_up(folder)
     states, ended, broke_at, _ = states_of()
@@ -121,6 +122,7 @@ def test_a_file_is_named_and_an_archive_of_another_scene_is_not_taken(folder, ca
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of POSIX are used")
+@pytest.mark.sampled(3)
 def test_a_rewound_run_that_is_killed_goes_on_with_the_same_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with monkeypatch.context() as patch:

@@ -62,6 +62,7 @@ def scene(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("mib", [100, 300, 600, 1200])
+@pytest.mark.sampled(3)
 def test_too_little_memory_to_start_is_told_in_one_line(mib):
     ended = done(LIMITED, "RLIMIT_AS", mib * MIB, "run", "s.yaml", "--headless", "--quiet")
     assert ended.returncode == 6 and ended.stdout == ""
@@ -86,6 +87,7 @@ def test_no_process_for_any_check_is_told_in_one_line():
     )
 
 
+@pytest.mark.sampled(3)
 def test_checks_go_on_with_fewer_processes_where_the_system_starts_no_more():
     Path("u.yaml").write_text(Path("s.yaml").read_text(encoding="utf-8"), encoding="utf-8")
     ended = done(LIMITED, "RLIMIT_NOFILE", 12, "check", "s.yaml", "t.yaml", "u.yaml", "--jobs", "3")
@@ -99,6 +101,7 @@ def test_info_names_the_backends_that_could_not_be_tried():
 
 
 @pytest.mark.parametrize("words", [("--beside", "dt=0.01", "--frames", "f"), ("--video", "f.mp4")])
+@pytest.mark.sampled(3)
 def test_a_film_without_a_process_is_told_before_the_run(words):
     ended = done(NO_PROCESS, 0, "record", "s.yaml", "--quiet", *words)
     assert ended.returncode == (5 if "--video" in words else 6)

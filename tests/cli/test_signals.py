@@ -76,6 +76,7 @@ sys.exit(main(["record", sys.argv[1], "--video", "f.mp4"]))
 
 
 @pytest.mark.parametrize(("kernel", "saved"), [("_write", []), ("_advance", ["f.mp4", "out/s.interrupted.npz"])])
+@pytest.mark.sampled(3)
 def test_a_signal_ends_a_run_within_the_compiler_which_makes_other_errors_of_it(tmp_path, monkeypatch, kernel, saved):
     monkeypatch.chdir(tmp_path)
     scene = {**kepler(dt=0.02), "run": {"duration": 4e6}, "view": {"camera": {"position": [0, 0, 5]}}}  # else it is looked for
@@ -108,6 +109,7 @@ sys.exit(main(["run", "s.yaml", "--headless", "--every", "10", "--quiet", "--dia
 
 
 @pytest.mark.parametrize(("seconds", "samples"), [(0.0, 2), (1.0, 1)])
+@pytest.mark.sampled(3)
 def test_an_interrupted_run_takes_its_last_sample_only_where_samples_are_quick(seconds, samples, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = kepler(dt=0.02, integrator="rk4")
@@ -188,6 +190,7 @@ IMPATIENT = "from mpp_taichi.device import unanswered_signal\nunanswered_signal.
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the handlers of a process, as /proc of Linux shows them")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, None)])
+@pytest.mark.sampled(3)
 def test_one_sigterm_ends_the_process_where_no_thread_of_python_runs(number, code):
     """And an interrupt from the keyboard waits: its second one is at hand."""
     process = begin(IMPATIENT)

@@ -36,6 +36,7 @@ sys.exit(main())
 
 
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+@pytest.mark.sampled(3)
 def test_a_signal_within_the_import_of_taichi_is_told_in_one_line(name, code, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("s.yaml").write_text(yaml.safe_dump({**kepler(dt=0.02), "run": {"duration": 1.0}}), encoding="utf-8")

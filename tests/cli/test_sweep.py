@@ -45,6 +45,7 @@ def test_options_make_the_sweep_of_a_scene_without_one(scene, capsys):
         ("pi:2*pi:2", [3.141592653589793, 6.283185307179586]),
     ],
 )
+@pytest.mark.sampled(3)
 def test_values_are_written_as_ranges_and_lists(scene, capsys, vary, values):
     assert main(["sweep", scene, "--vary", f"constants.speed={vary}", "--measure", "end_time", "--json"]) == 0
     folder = json.loads(capsys.readouterr().out)["folder"]
@@ -63,6 +64,7 @@ def test_a_dry_run_tells_members_chunks_time_and_memory_and_writes_nothing(scene
     assert [each.name for each in Path().iterdir()] == [scene]
 
 
+@pytest.mark.sampled(3)
 def test_a_member_is_run_by_its_number(scene, capsys):
     assert main(["sweep", scene, *VARY, "--quiet"]) == 0
     words = ["run", "out/s.sweep", "--member", "3", "--headless", "--json", "--snapshot", "end.npz", "--no-archive"]
@@ -106,6 +108,7 @@ def test_wrong_usage_is_one_line_and_code_2(scene, capsys, words, said):
     assert [each.name for each in Path().iterdir()] == [scene]
 
 
+@pytest.mark.sampled(3)
 def test_a_scene_without_an_end_asks_for_one(scene, capsys):
     Path(scene).write_text(PLAIN.replace("run: {duration: 4}", ""))
     assert main(["sweep", scene, *VARY]) == 2

@@ -46,6 +46,7 @@ def is_running(number):
 
 
 @pytest.mark.parametrize("verb", COMMANDS)
+@pytest.mark.sampled(3)
 def test_no_worker_outlives_a_killed_program(verb, tmp_path):
     for name in ("a.yaml", "b.yaml"):
         (tmp_path / name).write_text(yaml.safe_dump(LONG), encoding="utf-8")

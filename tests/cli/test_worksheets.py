@@ -48,6 +48,7 @@ def answer(sheet, **given):
     sheet.write_text(lines, encoding="utf-8")
 
 
+@pytest.mark.sampled(3)
 def test_right_wrong_and_missing_answers_are_told_apart(sheet, capsys):
     answer(sheet, year_at_two=1030, year_with_four_suns=91)
     assert main(["check", str(sheet)]) == 4

@@ -93,12 +93,14 @@ def test_sound_kernels_of_the_cpu_differ_by_rounding(mixture, network, precision
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_sound_kernels_of_vulkan_differ_by_rounding(software_vulkan, five, network, precision):
     for case in (five, network):
         assert agrees(case.verdict(case.taichi("vulkan", precision), precision))
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_sound_kernels_of_opencl_differ_by_rounding(crowd, network, precision):
     for case in (crowd, network):
         assert agrees(case.verdict(opencl_or_skip(case, precision), precision))
@@ -181,6 +183,7 @@ def plant(monkeypatch, owner, name, faulty):
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_a_wrong_sign_is_a_bug(monkeypatch, five, precision):
     plant(monkeypatch, NewtonianGravity, "shape", WrongSign)
     found = five.verdict(five.taichi(precision=precision), precision)
@@ -223,6 +226,7 @@ def test_a_dropped_pair_is_a_bug(monkeypatch, five, precision):
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_a_lost_barrier_between_kick_and_drift_is_a_bug(monkeypatch, precision):
     case = Case(irregular_network(60, 130, dt=0.02, damping=0.0))
     plant(monkeypatch, Splitting, "kick_and_drift", LostBarrier)
@@ -288,6 +292,7 @@ def gas():
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_spheres_that_bounce_alike_differ_by_rounding_or_are_not_judged(gas, precision):
     contender = opencl_or_skip(gas, precision)
     evidence = gather(contender, gas.judge.states(), gas.looks, forces=False)

@@ -49,6 +49,7 @@ def compared(tmp_path_factory):
     return SimpleNamespace(code=code, scene=scene, out=out, found=found, rows=found["rows"])
 
 
+@pytest.mark.sampled(3)
 def test_backends_that_agree_end_with_0(compared):
     assert compared.code == 0 and compared.found["status"] == "ok"
     assert "agree to rounding" in compared.found["sentence"]
@@ -101,6 +102,7 @@ def test_the_numbers_are_there_and_fit_together(compared):
         assert row["backend"] == "numpy" or row["cold_compile_seconds"] > 0.0
 
 
+@pytest.mark.sampled(3)
 def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
     """The reference is made wrong in this process; the worker is sound, but they cannot agree."""
     steady = NumpyForces.steady

@@ -69,6 +69,7 @@ def test_spheres_bounce_as_the_programs_own_do(opencl, name):
     assert np.array_equal(found.position[0], start.position[0])  # the bead is held
 
 
+@pytest.mark.sampled(3)
 def test_spheres_in_f32_are_those_of_f64_while_rounding_does_not_grow(opencl):
     spec, start = loaded(CASES["a crowd in a box"][0])
     steps = 8
@@ -89,6 +90,7 @@ def test_the_bits_do_not_depend_on_the_order_in_which_pairs_are_found(opencl):
 CROWD = "a crowd in a box"
 
 
+@pytest.mark.sampled(3)
 def test_pairs_in_rounds_lead_where_one_after_the_other_does(opencl):
     """As GPUs work them off, here in the driver at hand; a close packing, so that spheres have several pairs at once."""
     spec, start = loaded(spheres(1200, radius=0.26))

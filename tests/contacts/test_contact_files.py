@@ -38,6 +38,7 @@ def scene(tmp_path, monkeypatch):
     return write
 
 
+@pytest.mark.sampled(3)
 def test_collisions_speeds_and_frames_are_written(scene):
     arguments = [
         "record",
@@ -71,6 +72,7 @@ def test_only_event_driven_contacts_keep_a_log(scene, capsys):
     assert main(["run", swept, "--headless", "--events", "events.png"]) == 2
 
 
+@pytest.mark.sampled(3)
 def test_a_collapse_ends_the_run_with_the_particles_named(scene, capsys):
     """With e below 7 − 4√3 three balls meet ever faster until time stands still: McNamara & Young, Phys. Fluids A 4 (1992)."""
     balls = [
@@ -83,6 +85,7 @@ def test_a_collapse_ends_the_run_with_the_particles_named(scene, capsys):
     assert "inelastic collapse at time 0.1" in told and "('middle')" in told and "contact_time" in told
 
 
+@pytest.mark.sampled(3)
 def test_a_piston_that_crushes_its_gas_ends_the_run_instead_of_hanging(scene, capsys):
     walls = [{"box": {"lower": [0, 0], "upper": [3, 2]}}, {"plane": {"point": [0, 2], "normal": [0, -1], "velocity": [0, -1]}}]
     contacts = {"hard_spheres": {"solver": "event_driven", "event_limit": 100_000}}

@@ -70,6 +70,7 @@ class Counted:
 
 
 @pytest.mark.parametrize("wide", ["f32", "f64"])
+@pytest.mark.sampled(3)
 def test_sums_of_many_drifts_keep_the_digits_of_double_precision(wide):
     """In f32 without low parts, 1200 additions of 1/3 would be wrong by some 1e-6 of their sum."""
     backends.start("cpu", "f32")

@@ -210,6 +210,7 @@ def test_energy_of_a_gas_is_kept_and_the_summary_tells_of_its_contacts(solver, t
     assert set(contacts["wall_impulse"]) == {f"walls[0].box, {side} {axis}" for side in ("lower", "upper") for axis in "xy"}
 
 
+@pytest.mark.sampled(3)
 def test_contacts_and_forces_act_together():
     """A ball on a spring hits another; between the contacts it swings."""
     scene = spheres(

@@ -25,6 +25,7 @@ def run(kind, position, velocity, setup, h, **how):
     return *state.read(), solver.collect()
 
 
+@pytest.mark.sampled(3)
 def test_rounds_of_pairs_that_share_no_sphere_end_as_one_pair_after_the_other():
     """To the last bit, in a gas so dense that chains of pairs share spheres; on the CPU, where roots are the same."""
     backends.start("cpu", "f64", threads=2)
@@ -68,6 +69,7 @@ def test_software_vulkan_finds_the_contacts_of_the_cpu(solver, software_vulkan):
 
 
 @pytest.mark.parametrize("solver", ["swept", "resting"])
+@pytest.mark.sampled(3)
 def test_two_spheres_leave_a_contact_on_vulkan_as_the_formula_says(solver, software_vulkan):
     """The case, and the tolerance, of tests/contacts/test_contacts.py."""
     bodies, e, velocity, position = oblique_pair(0)

@@ -11,6 +11,7 @@ from mpp_taichi.errors import StabilityError
 ULP = 2.0**-52
 
 
+@pytest.mark.sampled(3)
 def test_galperin_billiard_counts_the_digits_of_pi():
     """A ball of 100^k times the mass of another drives it into a wall: ⌊π 10^k⌋ contacts (Galperin, 2003).
 
@@ -53,6 +54,7 @@ def pairs(count, seed):
     return position, velocity, radius, mass, share
 
 
+@pytest.mark.sampled(3)
 def test_two_spheres_of_any_angle_mass_and_radius():
     """Δv = (2 m_other / (m + m_other)) (u · n) n at the exact time of impact, in long double; grazing to 1e-9 decides right."""
     count = 512
@@ -80,6 +82,7 @@ def test_two_spheres_of_any_angle_mass_and_radius():
     assert report.pair_count == hit.sum()
 
 
+@pytest.mark.sampled(3)
 def test_head_on_at_a_thousand_radii_per_step_and_far_from_where_the_cells_were_made():
     """Nothing tunnels, however fast; the grid has no end, so spheres meet as well 1e6 cells away."""
     position = np.array([[0.0, 0.0], [500.0, 0.0], [0.0, 40.0], [1.0, 40.0], [2.0, 44.0], [3.0, 47.0]])
@@ -121,6 +124,7 @@ def folded(x, side):
     return np.where(x > side, 2 * side - x, x)
 
 
+@pytest.mark.sampled(3)
 def test_a_ball_in_a_box_follows_the_folding_formula():
     """Any speed, and corners, where two or three walls are hit at once."""
     side, r = np.array([3.0, 2.0, 1.5]), 0.1
@@ -170,6 +174,7 @@ def cubic(count_per_side, packing):
     return x, (packing * 6 / np.pi) ** (1 / 3) / 2
 
 
+@pytest.mark.sampled(3)
 def test_an_elastic_gas_is_reversible_and_samples_change_no_bit():
     """32 balls in a periodic box; the return error is within what the motion multiplies round-off by."""
     rng = np.random.default_rng(1)
@@ -214,6 +219,7 @@ def test_prefetching_changes_no_bit(monkeypatch):
     assert all(np.array_equal(a, b) for a, b in zip(*found))
 
 
+@pytest.mark.sampled(3)
 def test_one_sphere_that_waits_for_ever_does_not_put_all_events_into_one_bucket():
     """It hardly moves in a dilute gas, and leaves its cell in a billion; the heap is to hold the events of the present."""
     rng = np.random.default_rng(3)
@@ -226,6 +232,7 @@ def test_one_sphere_that_waits_for_ever_does_not_put_all_events_into_one_bucket(
     assert run.solver.queue.heap_size[None] < len(x) // 4
 
 
+@pytest.mark.sampled(3)
 def test_an_event_waits_in_the_bucket_of_its_time_or_behind_the_window():
     """Else the order may still be right, but every event costs a look at all spheres."""
     rng = np.random.default_rng(5)
@@ -322,6 +329,7 @@ def three_balls(contact_time=0.0):
     )
 
 
+@pytest.mark.sampled(3)
 def test_inelastic_collapse_is_named_and_the_contact_time_ends_it():
     """Above 7 − 4√3 three balls part after few contacts, below they never do (McNamara and Young, Phys. Fluids A 4, 1992)."""
     run = three_balls()

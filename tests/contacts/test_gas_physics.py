@@ -72,6 +72,7 @@ def figure_13(solver):
 
 
 @pytest.mark.parametrize("solver", ["event_driven", "swept", "simultaneous"])
+@pytest.mark.sampled(3)
 def test_speeds_become_those_of_maxwell_and_boltzmann(solver):
     """f(v) = (2v/b²) exp(−v²/b²), b² the mean square speed: T. Müller, arXiv:1403.1695, Eq. 21, Fig. 13."""
     passed, rates = 0, []

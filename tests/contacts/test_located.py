@@ -44,6 +44,7 @@ def floor(height=0.0, **more):
     return {"plane": {"point": [0, height], "normal": [0, 1]} | more}
 
 
+@pytest.mark.sampled(3)
 def test_a_graze_from_far_is_found_where_geometry_says_so():
     """A thousand radii between two samples: by b = R (1 ± 1e-9) spheres meet or not; the approach is v √(1 − b²/R²)."""
     reach, speed = 1.0, 1000.0
@@ -61,6 +62,7 @@ def test_a_graze_from_far_is_found_where_geometry_says_so():
                 assert tolerance < 0.01 * deep
 
 
+@pytest.mark.sampled(3)
 def test_a_bouncing_ball_is_where_the_parabolas_lead_after_a_thousand_bounces():
     with simulation(
         [{"radius": 0.1, "position": [0, 1.1], "velocity": [0.01, 0]}],
@@ -161,6 +163,7 @@ def test_a_bent_path_grazes_where_geometry_says_so():
             assert run.contact_report.pair_count == meets
 
 
+@pytest.mark.sampled(3)
 def test_inside_and_outside_of_round_walls_at_any_speed():
     """Between two circles: chords that miss the inner one turn by 2 arccos (b/ρ) each; radial ways are folded."""
     outer, inner, r, speed = 5.0, 1.0, 0.5, 2000.0
@@ -190,6 +193,7 @@ def test_inside_and_outside_of_round_walls_at_any_speed():
         assert run.snapshot().position[0, :2] == pytest.approx([0.0, height], abs=tolerance)
 
 
+@pytest.mark.sampled(3)
 def test_what_touches_at_the_start_bounces_at_once_or_flies_on():
     """Also where both fall together: what moves both alike does not make the search for their contact any slower."""
     with simulation(

@@ -197,6 +197,7 @@ def test_a_list_without_room_cuts_the_drift_and_changes_nothing(monkeypatch):
         assert np.allclose(after.position[k], x, rtol=0, atol=1e-13)
 
 
+@pytest.mark.sampled(3)
 def test_what_is_symmetric_merges_alike_whatever_the_numbers():
     """Three equal balls meet at one instant from both sides: the one left is at the middle, at rest, for every numbering."""
     places, speeds = [[-1.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0]], [[1.0, 0, 0], [0.0, 0, 0], [-1.0, 0, 0]]
@@ -209,6 +210,7 @@ def test_what_is_symmetric_merges_alike_whatever_the_numbers():
         assert after.mass[k] == 3.0 and np.abs(after.position[k]).max() < 1e-15 and np.abs(after.velocity[k]).max() < 1e-15
 
 
+@pytest.mark.sampled(3)
 def test_a_held_sphere_stays_and_a_held_axis_too():
     bodies = [
         {"mass": 5.0, "radius": 0.1, "position": [0, 0, 0], "velocity": [1, 0.5, 0]},
@@ -327,6 +329,7 @@ def test_energy_balances_to_first_order_of_the_step():
             assert residuals[-1] < force * speed * dt
 
 
+@pytest.mark.sampled(3)
 def test_mergers_of_two_bodies_agree_with_rebound():
     """REBOUND notices a merger at the end of a step, so places differ by what a step does; masses, momenta, radii agree."""
     mass, radius = [1.0, 1e-3, 1e-4], [0.02, 0.05, 0.04]
@@ -357,6 +360,7 @@ def test_mergers_of_two_bodies_agree_with_rebound():
     assert np.allclose(after.position[1], other.xyz, rtol=0, atol=4e-3 * dt)
 
 
+@pytest.mark.sampled(3)
 def test_off_walls_spheres_bounce_with_the_restitution_of_the_wall():
     """Down, off the floor at half the speed, and on the way up into another one."""
     bodies = bodies_of([1.0, 3.0], [0.1, 0.2], [[0, 1.1, 0], [0, 2.0, 0]], [[0, -4.0, 0], [0, 0, 0]])
@@ -372,6 +376,7 @@ def test_off_walls_spheres_bounce_with_the_restitution_of_the_wall():
     assert after.position[1, 1] == pytest.approx(touched + 0.5 * (2.0 - 1.05), abs=1e-14)
 
 
+@pytest.mark.sampled(3)
 def test_walls_are_met_as_often_as_a_drift_is_long():
     """To and fro between walls, for the centre 0.8 apart, 0.1 each way: ten bounces in a drift, a triangular wave."""
     walls = [{"plane": {"point": [0, y, 0], "normal": [0, n, 0]}} for y, n in ((0.0, 1.0), (1.0, -1.0))]
@@ -390,6 +395,7 @@ def test_walls_are_met_as_often_as_a_drift_is_long():
         )
 
 
+@pytest.mark.sampled(3)
 def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys):
     scene = collapse(
         expect={"spheres_left": {"below": 30}, "total_mass": {"near": 1, "within": 1e-14}, "collision_count": {"above": 0}}

@@ -12,6 +12,7 @@ from mpp_taichi.walls._base import Enclosure
 EPSILON = 2.0**-52
 
 
+@pytest.mark.sampled(3)
 def test_an_overlapping_pair_bounces_and_is_moved_apart_by_inverse_mass():
     """Eq. 9 along the line of centres at the end of the step; centre of mass, momentum and energy stay, the overlap goes."""
     backends.start("cpu", "f64", threads=2)
@@ -59,6 +60,7 @@ def test_the_bits_depend_neither_on_how_pairs_are_found_nor_on_the_threads(walls
     assert len(results) == 1
 
 
+@pytest.mark.sampled(3)
 def test_few_pairs_come_in_the_order_of_their_numbers_too():
     """Few pairs are sorted in a way of their own, which leaves out the spheres that touch nothing: here all but ten rows of
     three that overlap."""
@@ -82,6 +84,7 @@ def test_few_pairs_come_in_the_order_of_their_numbers_too():
     assert len(results) == 1
 
 
+@pytest.mark.sampled(3)
 def test_the_largest_overlap_before_separation_is_reported():
     """The largest overlap seen is that before spheres are moved apart; a fast ball tunnels."""
     backends.start("cpu", "f64", threads=2)
@@ -96,6 +99,7 @@ def test_the_largest_overlap_before_separation_is_reported():
 
 
 @pytest.mark.parametrize("given", [float("nan"), 0.75], ids=["of the solver", "of the scene"])
+@pytest.mark.sampled(3)
 def test_a_solver_reads_its_own_restitution_where_the_scene_gives_none(given):
     """Equal disks head on: each leaves with e times half of the approach speed, in the frame of their centre of mass."""
     backends.start("cpu", "f64", threads=1)

@@ -42,6 +42,7 @@ def energy(snapshot, width=WIDTH):
     return kinetic + (-np.sum(snapshot.position @ GRAVITY)) + 0.5 * np.sum(overlap**2) / COMPLIANCE
 
 
+@pytest.mark.sampled(3)
 def test_a_pile_gains_no_energy_and_comes_to_rest(request):
     """The scene of 10,000, with fewer."""
     path = request.config.root_folder / "scenes" / "large" / "pile_10000.yaml"

@@ -78,6 +78,7 @@ def corner(taichi):
 REST_SPEED = COUNT * TOLERANCE * RADIUS / (STEP / 2)
 
 
+@pytest.mark.sampled(3)
 def test_a_column_comes_to_rest_and_does_not_sink(corner):
     """H15: the depth after ten thousand steps is below 1e-9 of the radius."""
     height = RADIUS + 1.05 * np.arange(COUNT) + 0.3
@@ -97,6 +98,7 @@ def test_a_column_comes_to_rest_and_does_not_sink(corner):
     assert report.wall_impulse[0] == pytest.approx(COUNT * GRAVITY * 10_000 * STEP, rel=0.05)  # the floor bears the column
 
 
+@pytest.mark.sampled(3)
 def test_elastic_balls_bounce_for_ever(corner):
     """Gravity towards the elastic wall; a bounce is up to half a step away from a moment at which the energy is defined."""
     height = 1.0 + 0.1 * np.arange(COUNT)
@@ -280,6 +282,7 @@ def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
     assert report.largest_overlap == pytest.approx(COMPLIANCE * GRAVITY * COUNT / RADIUS, rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 def test_a_compliance_lets_a_sphere_without_room_yield(yielding):
     """The remedy that the message for such a sphere names."""
     yielding.place(SQUEEZED, mass=[np.inf, 1.0, np.inf])

@@ -7,6 +7,7 @@ from contact_scenes import GRAVITY, column, energies, galton_board
 from mpp_taichi.simulation.simulation import Simulation
 
 
+@pytest.mark.sampled(3)
 def test_a_galton_board_runs_through():
     """150 balls fall over 36 pegs and form a heap with regular parts, whose contacts determine each other."""
     simulation = Simulation(galton_board(), backend="cpu", precision="f64")
@@ -24,6 +25,7 @@ def test_a_galton_board_runs_through():
     assert report.largest_overlap < 1e-10  # the tolerance is 1e-12; what two drifts lack adds up
 
 
+@pytest.mark.sampled(3)
 def test_a_column_bears_a_sphere_a_thousand_times_as_heavy():
     simulation = Simulation(column(), backend="cpu", precision="f64")
     simulation.run(until=2.0)
@@ -36,6 +38,7 @@ def test_a_column_bears_a_sphere_a_thousand_times_as_heavy():
     assert floor == pytest.approx(1009 * GRAVITY * 0.2, rel=1e-9)
 
 
+@pytest.mark.sampled(3)
 def test_a_column_does_not_sink_into_an_elastic_floor_in_single_precision():
     """Its lowest sphere hits the floor in every drift; what the problem leaves of an overlap is undone in the next drift."""
     bodies = [{"body": {"mass": 1, "radius": 0.5, "position": [0, 0, 0.5 + k]}} for k in range(10)]

@@ -98,6 +98,7 @@ def test_software_vulkan_bounces_off_segments_as_the_reference_says(solver, soft
     assert max(np.abs(found[0][0] - x).max(), np.abs(found[1][0] - v).max()) < 8 * growth * math.sqrt(steps) * 2 * 2.0**-24
 
 
+@pytest.mark.sampled(3)
 def test_a_disk_that_falls_on_a_ramp_leaves_it_as_the_parabola_and_its_restitution_say():
     """Dropped on a ramp of 30°, with e = 0.6; and beside the end of another ramp, off which it bounces as off a fixed point."""
     g, e, r, height, end = 9.0, 0.6, 0.1, 1.5, 0.9
@@ -136,6 +137,7 @@ def fold(position, edge):
     return np.array([max(u, v), min(u, v)])
 
 
+@pytest.mark.sampled(3)
 def test_a_disk_in_a_triangle_follows_the_unfolded_straight_line_and_keeps_its_energy():
     """Mirror images of the triangle of the centre tile the plane, so that the way of a thousand bounces is a straight line."""
     edge, r, end = 2.0, 0.25, 750.0
@@ -177,6 +179,7 @@ def test_a_gas_in_a_polygon_moves_as_in_the_box_of_the_same_corners_bit_for_bit(
     assert box[3] == pytest.approx(sides[3], rel=1e-13)
 
 
+@pytest.mark.sampled(3)
 def test_a_disk_glides_over_flat_joints_and_rests_in_a_corner():
     """Without friction a disk that glides on five segments in a line keeps its speed; a disk that falls into a V rests."""
     line = {"polygon": {"points": [[-3, 0], [-1, 0], [0, 0], [0.3, 0], [2, 0], [8, 0]], "closed": False, "restitution": 0.0}}

@@ -236,6 +236,7 @@ def play(table, position, velocity, *, step, steps):
     return *spheres.read(), solver.collect()
 
 
+@pytest.mark.sampled(3)
 def test_a_break_stays_its_own_mirror_image_and_does_not_know_the_numbers(table):
     position = np.array([(-3.0, 0.0)] + [(np.sqrt(0.75) * c, r - c / 2) for c in range(5) for r in range(c + 1)])
     velocity = np.zeros((16, 2))
@@ -292,6 +293,7 @@ def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
     assert np.sum(other_speed**2) == pytest.approx(5.0, rel=1e-13)
 
 
+@pytest.mark.sampled(3)
 def test_inelastic_collapse_ends_in_contact_and_none_above_the_threshold_does(taichi):
     """Two balls close in on one between them: below e = 7 − 4√3 = 0.0718 infinitely often in finite time."""
     solver, spheres = bound(

@@ -32,6 +32,7 @@ def kick(state, sweep, i, velocity):
     sweep.forget()
 
 
+@pytest.mark.sampled(3)
 def test_the_longest_way_is_measured_also_of_spheres_that_bounce(at_rest):
     """A ball goes half of a free way in each drift, in each second of them into the next ball of its row."""
     state, sweep = at_rest
@@ -47,6 +48,7 @@ def test_the_longest_way_is_measured_also_of_spheres_that_bounce(at_rest):
     assert min(ways) == pytest.approx(0.25, rel=1e-12) and sweep.collect().pair_count >= 2
 
 
+@pytest.mark.sampled(3)
 def test_a_ball_whose_velocity_is_set_between_drifts_hits_the_next_ball(at_rest):
     """Slow drifts first, whose margins show no ball eight radii ahead; then one that goes ten radii."""
     state, sweep = at_rest

@@ -106,6 +106,7 @@ def test_the_speed_in_a_circle_walks_at_random_with_every_solver(solver, precisi
 
 
 @pytest.mark.parametrize("masses", ["equal", "unlike"])
+@pytest.mark.sampled(3)
 def test_the_energy_of_a_gas_walks_at_random(masses):
     """A contact rounds two velocities, each of which changes its kinetic energy K by an error of at most 2 K 2⁻⁵²/√12.
 
@@ -130,6 +131,7 @@ def test_the_energy_of_a_gas_walks_at_random(masses):
     assert abs(energy() / before - 1.0) < SURE * spread
 
 
+@pytest.mark.sampled(3)
 def test_a_sphere_between_moving_planes_keeps_its_speed_relative_to_them():
     """Between planes that move together the relative velocity walks at random, beside the rounding of larger velocities."""
     drift = np.array([3.0, -1.0, 2.0])
@@ -148,6 +150,7 @@ def test_a_sphere_between_moving_planes_keeps_its_speed_relative_to_them():
 
 
 @pytest.mark.parametrize("inside", [True, False])
+@pytest.mark.sampled(3)
 def test_the_velocity_along_an_oblique_cylinder_is_kept_however_far_a_sphere_flies(inside):
     """A bounce changes the velocity along the axis by J n·a, |J| ≤ 2 |v|, and by the rounding of the new velocity.
 

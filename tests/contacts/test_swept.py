@@ -65,6 +65,7 @@ def pairs_that_hit(impact, seed=2):
 
 
 @BOTH
+@pytest.mark.sampled(3)
 def test_two_spheres_at_any_angle_mass_and_radius(all_pairs):
     """Eq. 9 at the exact time.
 
@@ -80,6 +81,7 @@ def test_two_spheres_at_any_angle_mass_and_radius(all_pairs):
 
 
 @BOTH
+@pytest.mark.sampled(3)
 def test_grazing_contacts_are_told_from_misses(all_pairs):
     """b = δ (1 ± 1e-9): a hit or not by the digits. A miss changes no bit; a hit bounces once and keeps the energy."""
     backends.start("cpu", "f64", threads=2)
@@ -93,6 +95,7 @@ def test_grazing_contacts_are_told_from_misses(all_pairs):
 
 
 @BOTH
+@pytest.mark.sampled(3)
 def test_nothing_tunnels_at_a_thousand_radii_a_step(all_pairs):
     """A ball hits one at rest after 997.5 of 1000 radii, which takes over its velocity; both move along x alone."""
     backends.start("cpu", "f64", threads=2)
@@ -318,6 +321,7 @@ def test_spheres_that_are_put_elsewhere_between_drifts_are_noticed():
 
 
 @pytest.mark.parametrize(("precision", "limit"), [("f64", 1e-9), ("f32", 1e-5)])
+@pytest.mark.sampled(3)
 def test_a_dense_gas_does_not_overlap(precision, limit):
     """Packing 0.49, 500 spheres on a close-packed lattice that melts; overlaps looked for in NumPy after every step."""
     backends.start("cpu", precision, threads=2)
@@ -390,6 +394,7 @@ def test_held_spheres_are_infinitely_heavy(all_pairs):
     assert np.abs(x[0] - [2.0, 0.0, 0.0]).max() < 16 * EPSILON
 
 
+@pytest.mark.sampled(3)
 def test_the_component_binds_drifts_and_collects():
     backends.start("cpu", "f64", threads=2)
     solver = Swept(event_limit=10)

@@ -39,6 +39,7 @@ def test_the_inner_of_two_modes_holds_and_the_outer_mode_comes_back(outer, inner
     assert found == [*expected, expected[0]] and options() == TAICHIS_OWN
 
 
+@pytest.mark.sampled(3)
 def test_no_kernel_keeps_vectors_whole_without_taichis_own_optimisation(monkeypatch):
     """An implicit method with pair forces launches the pair sum inside a step that is compiled quickly."""
     from taichi.lang.kernel_impl import Kernel

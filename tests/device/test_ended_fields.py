@@ -22,6 +22,7 @@ def tell(**calls):
 @pytest.mark.parametrize(
     "act", [INIT + "; own = ti.field(ti.f32, shape=4); own.fill(1)", RESET, "mpp.Simulation(kepler(), precision='f32')"]
 )
+@pytest.mark.sampled(3)
 def test_what_lies_below_a_simulation_says_so_too(act):
     found = run(f"""{TELL}
 simulation = open_simulation().run(steps=3)
@@ -41,6 +42,7 @@ phase.destroy()
     assert found == [f"{name} True" for name in ("read", "write", "fill", "entry", "launch", "energy", "save")]
 
 
+@pytest.mark.sampled(3)
 def test_fields_of_a_program_end_with_a_warning_when_a_simulation_starts():
     found = run(f"""{TELL}
 import logging
@@ -58,6 +60,7 @@ with open_simulation() as simulation:
     assert found[1:] == ["own True", "2 5.0"]
 
 
+@pytest.mark.sampled(3)
 def test_a_program_that_starts_taichi_again_and_again_meets_taichi_alone():
     found = run(f"""
 open_simulation().close()
@@ -70,6 +73,7 @@ print(type(own).__name__, own[3])
     assert found == ["ScalarField 1.0"]
 
 
+@pytest.mark.sampled(3)
 def test_a_closed_simulation_keeps_no_thread_of_taichi():
     found = run("""
 import os

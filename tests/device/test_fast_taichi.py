@@ -78,6 +78,7 @@ def test_the_table_names_every_part_once():
     assert set(fast_taichi.REPLACING) < set(switch.NAMES)
 
 
+@pytest.mark.sampled(3)
 def test_every_part_is_on_where_nothing_is_said(everything):
     assert all(everything["replaced"].values()) and "fast_taichi_off" not in everything
     assert everything["threads"] == (sys.platform == "linux" and os.uname().machine == "x86_64")
@@ -95,6 +96,7 @@ def test_what_is_off_is_not_installed_and_results_stay(variable, everything):
         np.testing.assert_allclose(position, expected, rtol=0, atol=1e-11)  # Newton's method ends at 1e-12 of a step
 
 
+@pytest.mark.sampled(3)
 def test_another_version_of_taichi_runs_with_none_of_them(everything):
     found = run(None, before="ti.__version__ = (1, 8, 0)")
     assert found["fast_taichi_off"] == list(switch.NAMES) and found["fast_taichi_reason"].startswith("this is Taichi 1.8.0")
@@ -121,6 +123,7 @@ def test_an_unknown_name_is_one_line_with_what_is_allowed(text, monkeypatch, cap
 
 
 @pytest.mark.parametrize("command", [["info"], ["run", "scenes/sun_earth.yaml", "--headless", "--steps", "2"]])
+@pytest.mark.sampled(3)
 def test_reports_name_what_is_off_and_say_nothing_else(command, monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     monkeypatch.delenv(switch.VARIABLE, raising=False)

@@ -60,6 +60,7 @@ print("ok")
 
 
 @pytest.mark.parametrize("act", [INIT, RESET])
+@pytest.mark.sampled(3)
 def test_a_simulation_without_its_runtime_says_so_whatever_it_is_asked(act):
     found = run(f"""
 from functools import partial
@@ -94,6 +95,7 @@ print(len(calls), simulation.time > 0.0)
     assert int(found[-1].split()[0]) == len(found) - 1
 
 
+@pytest.mark.sampled(3)
 def test_a_recorder_that_starts_taichi_ends_the_run_by_name():
     found = run(f"""
 class Starter:
@@ -111,6 +113,7 @@ except mpp.MppError as error:
     assert found == ["True"]
 
 
+@pytest.mark.sampled(3)
 def test_the_end_of_a_simulation_leaves_a_runtime_of_the_program_alone():
     found = run(f"""
 with open_simulation() as simulation:

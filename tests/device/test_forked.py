@@ -36,6 +36,7 @@ def refused(*calls):
 """
 
 
+@pytest.mark.sampled(3)
 def test_a_child_is_refused_and_its_exit_ends():
     found = run(f"""{FORK}
 simulation = open_simulation().run(steps=2)
@@ -46,6 +47,7 @@ print(child(simulation.close), simulation.run(steps=2).step_count)
     assert found == ["7", *["True"] * 3, "7", "7 4"]
 
 
+@pytest.mark.sampled(3)
 def test_a_child_of_a_process_that_has_closed_all_works():
     found = run(f"""{FORK}
 simulation = open_simulation().run(steps=2)

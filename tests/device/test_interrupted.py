@@ -16,6 +16,7 @@ PLACES = 3
 
 
 @pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside another"])
+@pytest.mark.sampled(3)
 def test_the_next_simulation_has_the_same_bits(beside):
     scene, places = kepler(0.5), random.Random(7)
     right = speed(scene)

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCENE = Path(__file__).parents[2] / "scenes" / "kepler.yaml"
 
 
@@ -16,6 +18,7 @@ def run_with_cache(folder):
     return {path.name for path in (folder / "taichi" / "ticache").glob("*.tic")}
 
 
+@pytest.mark.sampled(3)
 def test_the_second_run_compiles_no_kernel_again(tmp_path):
     """The probes of the first start make fields, which must not change the numbers of the scene's fields."""
     first = run_with_cache(tmp_path)

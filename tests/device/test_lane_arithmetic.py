@@ -70,6 +70,7 @@ def exact_roots(values):
 
 @pytest.mark.fast_taichi("explicit_vectors", "lane_arithmetic")
 @pytest.mark.skipif(not FUSES, reason="this processor, or this system, joins no product and sum")
+@pytest.mark.sampled(3)
 def test_a_product_and_a_sum_are_rounded_once(real):
     precision, kind = real
     random = np.random.default_rng(1)

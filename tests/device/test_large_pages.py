@@ -28,6 +28,7 @@ def in_large_pages():
 
 @pytest.mark.fast_taichi("large_pages")
 @pytest.mark.skipif(not linux_can_move_pages(), reason="this system does not move memory into large pages when asked")
+@pytest.mark.sampled(3)
 def test_fields_are_moved_into_large_pages_with_what_is_in_them():
     backends.start("cpu", "f64")
     import taichi as ti

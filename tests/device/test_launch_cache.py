@@ -114,6 +114,7 @@ def _launches(counter):
 
 
 @pytest.mark.parametrize("arguments", [("x", 1, "once"), (1.0, 1.5, "once"), (1.0, 1), (1.0, 1, "once", 1)])
+@pytest.mark.sampled(3)
 def test_what_taichi_refuses_is_refused(arguments, long_ways):
     counter = Counter()
     counter.add(1.0, 1, "once")
@@ -187,6 +188,7 @@ SHORT_RUNS = {
 
 
 @pytest.mark.parametrize("name", SHORT_RUNS)
+@pytest.mark.sampled(3)
 def test_a_run_of_a_few_steps_launches_few_kernels_and_all_by_the_short_way(name, long_ways, monkeypatch):
     """The state is kept, the steps are taken, their counts are read, and every number is tested: at most two launches each."""
     from taichi.lang.kernel_impl import Kernel

@@ -33,11 +33,13 @@ def speed():
         return float(abs(made.run(steps=20).snapshot().velocity).max()).hex()
 
 
+@pytest.mark.sampled(3)
 def test_one_thread_after_another_makes_and_runs_with_the_same_bits():
     assert len({speed(), in_thread(speed), in_thread(speed), speed()}) == 1
 
 
 @pytest.mark.parametrize("act", ["run", "snapshot", "picture", "restart", "diagnostics"])
+@pytest.mark.sampled(3)
 def test_another_thread_is_refused_in_one_line_and_the_owner_goes_on(act):
     with simulation() as made:
         made.run(steps=2)
@@ -47,6 +49,7 @@ def test_another_thread_is_refused_in_one_line_and_the_owner_goes_on(act):
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_a_second_thread_makes_no_simulation_beside_an_open_one(precision):
     with simulation() as made:
         refused = in_thread(lambda: Simulation(kepler(), backend="cpu", precision=precision))
@@ -73,6 +76,7 @@ def test_four_threads_at_once_get_a_result_or_a_refusal():
     assert len(found) == 4 and set(found) <= {right, "refused"} and right in found
 
 
+@pytest.mark.sampled(3)
 def test_a_simulation_of_a_thread_that_has_ended_is_in_nobodys_way():
     left = in_thread(lambda: simulation().run(steps=2))
     with pytest.raises(MppError, match="belongs to the thread 'worker'"):

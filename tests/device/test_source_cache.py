@@ -26,6 +26,7 @@ def plain(monkeypatch):
     return seen
 
 
+@pytest.mark.sampled(3)
 def test_the_places_told_are_taichis_own(plain):
     for integrator in ("leapfrog", "rk4"):  # the second finds much of the first remembered
         with Simulation(cluster(3, integrator=integrator)) as simulation:

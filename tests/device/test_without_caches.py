@@ -31,6 +31,7 @@ def environment(case, folder):
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.sampled(3)
 def test_a_scene_runs_without_a_cache(case, tmp_path):
     command = [sys.executable, "-m", "mpp_taichi", "run", "scenes/sun_earth.yaml", "--headless", "--steps", "10", "--json"]
     done = subprocess.run(

@@ -86,6 +86,7 @@ def counting():
     return counted, count
 
 
+@pytest.mark.sampled(3)
 def test_every_block_is_done_once_and_in_its_loop(threads):
     counted, count = counting()
     for n in SIZES:
@@ -99,6 +100,7 @@ def test_every_block_is_done_once_and_in_its_loop(threads):
         np.testing.assert_array_equal(counted.to_numpy(), value)
 
 
+@pytest.mark.sampled(3)
 def test_the_requested_number_of_threads_starts_and_ends_with_taichi(threads):
     import taichi as ti
 
@@ -135,6 +137,7 @@ def test_a_worker_that_slept_takes_its_share(threads):
     assert shares(kernel)[0] > 1 / 50
 
 
+@pytest.mark.sampled(3)
 def test_two_threads_of_python_may_launch_at_once(threads):
     counted, count = counting()
     other, count_other = counting()
@@ -179,6 +182,7 @@ BEGIN_AGAIN = "import taichi; taichi.init(offline_cache=False)"
 
 
 @pytest.mark.parametrize("ending", ["", "import taichi; taichi.reset()", "import sys; sys.exit(0)", BEGIN_AGAIN])
+@pytest.mark.sampled(3)
 def test_a_process_ends_in_good_order_right_after_a_loop(ending):
     code = (
         "from mpp_taichi.device import backends\nbackends.start('cpu', 'f64', threads=2)\n"

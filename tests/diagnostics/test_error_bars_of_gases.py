@@ -85,6 +85,7 @@ def stretch(simulation):
     return [(total.rate(), total.standard_error()) for total in totals]
 
 
+@pytest.mark.sampled(3)
 def test_the_rates_of_a_gas_scatter_from_stretch_to_stretch_as_each_claims():
     """Stretches of a run stand for seeds: a stretch is 100 units of time, and the gas forgets within some collisions.
 

@@ -112,6 +112,7 @@ def lone_bob(dt=0.01, integrator="rk4", **drive):
     return scene | {"particles": [bob, anchor], "springs": [{"link": link}], "forces": forces}
 
 
+@pytest.mark.sampled(3)
 def test_work_and_dissipation_are_those_of_the_closed_form():
     """In pieces of 10/3 steps, so that every fourth step is a short one."""
     with Simulation(lone_bob(dt=0.03), backend="cpu", precision="f64") as simulation:
@@ -134,6 +135,7 @@ def test_work_and_dissipation_are_those_of_the_closed_form():
         assert found[name] == pytest.approx(exact, abs=allowed)
 
 
+@pytest.mark.sampled(3)
 def test_resonance_curve():
     """Steady amplitudes F / (m √((ω₀² − ω²)² + γ² ω²)) of five oscillators on one drive, work and dissipation in balance."""
     stiffness = [1.0, 2.5, 4.0, 6.0, 9.0]  # ω₀² around ω² = 4; γ = 1
@@ -151,6 +153,7 @@ def test_resonance_curve():
     np.testing.assert_allclose(end.velocity[:5, 0], (2.0j * steady).imag, rtol=0, atol=2e-6)
 
 
+@pytest.mark.sampled(3)
 def test_a_run_in_pieces_and_a_restart_give_the_same_balance():
     with Simulation(damped_and_driven("leapfrog"), backend="cpu", precision="f64") as simulation:
         simulation.keep_energy_balance()
@@ -167,6 +170,7 @@ def test_a_run_in_pieces_and_a_restart_give_the_same_balance():
         assert pieces[name] == pytest.approx(whole[name], rel=1e-14)  # times of samples may differ in their last bit
 
 
+@pytest.mark.sampled(3)
 def test_plans_agree_on_the_balance():
     """Sampled inside a launch under the serial plan, and between launches under the parallel one."""
     found = []
@@ -178,6 +182,7 @@ def test_plans_agree_on_the_balance():
         assert found[1][name] == pytest.approx(found[0][name], rel=1e-13)
 
 
+@pytest.mark.sampled(3)
 def test_axial_damping_takes_nothing_from_a_rigid_rotation_and_full_damping_its_share():
     """Two masses 1 at ±½ d on a spring that holds them, D (d − L) = ω² d / 2; full damping takes c (ω d)² per unit time."""
     d, spin, stiffness = 1.0, 1.5, 50.0
@@ -216,6 +221,7 @@ def test_a_change_of_parameters_is_booked_as_work():
     assert abs(end["energy_balance_residual"]) < 19 / 720 * (2 * 2.5 * 0.02) ** 4 * end["energy_turnover"]
 
 
+@pytest.mark.sampled(3)
 def test_single_precision_closes_to_its_rounding():
     """Every step rounds velocities to 2⁻²⁴ of their size, which walks at random: (few) · 2⁻²⁴ √steps of the turnover."""
     with Simulation(damped_and_driven("rk4"), backend="cpu", precision="f32") as simulation:
@@ -271,6 +277,7 @@ def test_measured_numerical_damping_is_that_of_the_amplification_matrix(name):
         assert found["per_time"] * 2.0 * math.pi == pytest.approx(found["per_oscillation"], rel=dt**2)
 
 
+@pytest.mark.sampled(3)
 def test_what_is_no_single_oscillation_is_not_given_a_share():
     assert "no single oscillation" in measured(oscillator("rk4", 0.2, second=1.618), 80.0)["problem"]
     assert "less than one" in measured(oscillator("rk4", 0.2), 3.0)["problem"]
@@ -311,6 +318,7 @@ def run_cli(tmp_path, scene, *options):
     return done.returncode, json.loads(done.stdout), done.stderr
 
 
+@pytest.mark.sampled(3)
 def test_the_command_line_tells_the_balance_and_what_the_method_lost(tmp_path):
     scene = lone_bob(dt=0.02, of="bob") | {"run": {"duration": 20.0}}
     table = tmp_path / "table.csv"
@@ -325,6 +333,7 @@ def test_the_command_line_tells_the_balance_and_what_the_method_lost(tmp_path):
     assert rows["energy_balance_error"].max() == found["energy_balance_error_max"]
 
 
+@pytest.mark.sampled(3)
 def test_an_expectation_asks_for_the_balance_and_judges_it(tmp_path):
     scene = lone_bob(dt=0.1, integrator="euler") | {"run": {"duration": 5.0}}
     code, found, _ = run_cli(tmp_path, scene | {"expect": {"energy_balance_error_max": {"below": 1e-6}}})
@@ -332,6 +341,7 @@ def test_an_expectation_asks_for_the_balance_and_judges_it(tmp_path):
     assert "dissipated_energy" in found and found["status"] == "failed"
 
 
+@pytest.mark.sampled(3)
 def test_a_run_without_energy_balance_does_not_import_its_module():
     code = (
         "import sys\nfrom mpp_taichi import Simulation\n"
@@ -348,6 +358,7 @@ def test_a_drive_of_an_unknown_particle_is_refused_at_its_key():
         Simulation(lone_bob(of="bop"), backend="cpu")
 
 
+@pytest.mark.sampled(3)
 def test_a_drive_of_a_group_moves_its_particles_only():
     sheet = {"name": "sheet", "shape": [2, 2, 1], "lower": [0, 0, 0], "upper": [1, 1, 0], "mass": 1.0}
     scene = {

@@ -115,6 +115,7 @@ def test_a_lock_without_room_is_not_left_behind(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.sampled(3)
 def test_a_link_at_a_temporary_name_is_not_followed(scene, tmp_path):
     """In a folder that others may write to, somebody may guess the name."""
     victim = tmp_path / "victim"

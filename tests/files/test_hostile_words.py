@@ -45,6 +45,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("page", COMMANDS)
+@pytest.mark.sampled(3)
 def test_a_page_runs_no_script_and_has_no_node_of_a_scene(page, scene, browser):
     verb, *options = COMMANDS[page]
     assert main([verb, scene, *options]) in (0, 4)
@@ -75,6 +76,7 @@ def test_no_cell_of_a_table_is_a_formula(scene):
 
 
 @pytest.mark.parametrize("verb", [["run", "--headless"], ["explain"], ["check"], ["record", "--html", "p.html"]])
+@pytest.mark.sampled(3)
 def test_no_escape_sequence_reaches_a_terminal(verb, scene, capsys):
     made = yaml.safe_load(Path(scene).read_text(encoding="utf-8"))
     text = yaml.safe_dump({**made, "title": "TITLE", "description": "TITLE"}).replace("TITLE", f'"{ESCAPES}"')

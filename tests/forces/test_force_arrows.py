@@ -75,6 +75,7 @@ def test_all_forces_of_a_scene_are_in_it_and_friction_too(integrator, precision,
 
 
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
+@pytest.mark.sampled(3)
 def test_a_graphics_device_gives_the_same(software_vulkan, plan):
     with Simulation(everything(), backend="vulkan", precision="f32", plan=plan) as simulation:
         found, (exact, bound) = simulation.accelerations(), expected(simulation, simulation.snapshot())
@@ -99,6 +100,7 @@ def test_a_phase_without_forces_has_none():
         assert simulation.accelerations().any() and not simulation.run(until=0.2).accelerations().any()
 
 
+@pytest.mark.sampled(3)
 def test_a_move_of_a_slider_is_seen_at_once():
     scene = {**kepler(), "sliders": [{"set": "forces.newtonian_gravity.strength"}], "run": {"duration": 1}}
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
@@ -107,6 +109,7 @@ def test_a_move_of_a_slider_is_seen_at_once():
         np.testing.assert_array_equal(simulation.accelerations(), 2.0 * before)
 
 
+@pytest.mark.sampled(3)
 def test_a_tree_sums_what_it_sums_for_a_step():
     scene = cluster(600, softening=0.05)
     direct = {**scene, "forces": [{"newtonian_gravity": {"strength": 1.0, "softening": 0.05}}]}
@@ -261,6 +264,7 @@ def test_a_scale_that_fits_the_first_picture_stays_for_the_film():
 
 
 @pytest.mark.parametrize("renderer", ["own", "ggui"])
+@pytest.mark.sampled(3)
 def test_arrows_are_in_the_picture_each_kind_in_its_colour(renderer, request):
     """A body at rest in the middle is pulled to the right, another moves upwards: 45 pixels a length."""
     if renderer == "ggui":
@@ -308,6 +312,7 @@ def test_several_kinds_are_told_apart_in_the_legend():
     assert not np.array_equal(key.colors[0], key.colors[1])
 
 
+@pytest.mark.sampled(3)
 def test_forces_are_asked_for_where_a_scene_draws_them_and_nowhere_else():
     for arrows, asked in (({}, False), ({"time": 0.3}, False), (PULL, True), ([{"time": 1}, PULL], True)):
         with Simulation({**kepler(), "view": {"arrows": arrows}}, backend="cpu", precision="f32") as simulation:
@@ -317,6 +322,7 @@ def test_forces_are_asked_for_where_a_scene_draws_them_and_nowhere_else():
             assert all((frame.acceleration is not None) == asked for frame in frames)
 
 
+@pytest.mark.sampled(3)
 def test_halves_side_by_side_have_their_own_forces(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = kepler(dt=0.05) | {"run": {"duration": 0.5}, "view": {"caption": False, "legend": False, "trails": 0}}

@@ -58,6 +58,7 @@ def test_force_is_minus_the_gradient_of_the_potential(name, dimensions):
 
 
 @pytest.mark.parametrize("name", [name for name in FORCES if family(name) != "ExternalForce"])
+@pytest.mark.sampled(3)
 def test_internal_forces_sum_to_zero(name):
     snapshot = random_snapshot(7)
     compiled = CompiledForces([build_force(name)], snapshot)

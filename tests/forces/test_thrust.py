@@ -32,6 +32,7 @@ def flown(*, until, integrator, **parameters):
 
 
 @pytest.mark.parametrize("integrator", [{"rk4": {"dt": 0.05}}, {"hermite4": {"dt": 0.05}}])
+@pytest.mark.sampled(3)
 def test_a_burn_gains_what_tsiolkovsky_says(integrator):
     end = flown(until=3.3, integrator=integrator)
     left = MASS - FLOW * 3.0
@@ -59,6 +60,7 @@ def test_a_thrust_with_direction_zero_is_refused():
         load_scene(scene | {"integrator": {"leapfrog": {"dt": 0.1}}, "run": {"steps": 1}})
 
 
+@pytest.mark.sampled(3)
 def test_the_rocket_stands_still_above_the_ground_when_its_brakes_go_off():
     scene = yaml.safe_load(SCENE.read_text(encoding="utf-8"))
     del scene["contacts"], scene["expect"]

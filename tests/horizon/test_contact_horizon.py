@@ -43,6 +43,7 @@ def parted(one, other, times):
     return times[np.argmax(np.linalg.norm(one - other, axis=-1).max(axis=1) > 1e-3 * size)]
 
 
+@pytest.mark.sampled(3)
 def test_the_horizon_of_a_gas_in_single_precision_is_where_it_leaves_the_gas_in_double_precision():
     times = np.linspace(0.0, 10.0, 101)[1:]
     true = parted(path_of(gas(), "f32", times), path_of(gas(), "f64", times), times)
@@ -53,6 +54,7 @@ def test_the_horizon_of_a_gas_in_single_precision_is_where_it_leaves_the_gas_in_
     assert found.time == pytest.approx(true, rel=0.25)
 
 
+@pytest.mark.sampled(3)
 def test_a_part_of_a_gas_in_which_each_disk_has_some_collisions_tells_the_horizon_of_the_whole():
     followed = horizon_of(gas(duration=40.0))
     assert followed.found == "before_end" and 10.0 < followed.time < 25.0
@@ -67,12 +69,14 @@ def test_too_few_collisions_tell_nothing():
     assert found.found == "unknown" and found.reason.endswith("contacts, too few to tell how contacts enlarge the error")
 
 
+@pytest.mark.sampled(3)
 def test_without_a_force_the_swept_gas_ends_by_rounding_and_the_pairwise_gas_by_its_first_late_contact():
     swept, pairwise = horizon_of(gas("swept")), horizon_of(gas("pairwise"))
     assert (swept.by, pairwise.by) == ("rounding", "step")
     assert pairwise.time < 0.1 * swept.time
 
 
+@pytest.mark.sampled(3)
 def test_a_contact_within_a_step_does_not_know_the_fall_in_this_step():
     fall = {"forces": [{"uniform_gravity": {"acceleration": [0, -1]}}]}
     times = 0.05 * np.arange(1, 101)
@@ -137,6 +141,7 @@ def test_the_search_changes_no_bit_and_no_count_of_a_run_with_contacts(name):
     assert counts.pair_count + counts.wall_count + counts.merge_count > 0
 
 
+@pytest.mark.sampled(3)
 def test_a_log_of_contacts_has_none_of_the_search():
     with mpp.Simulation(gas(duration=5.0), backend="cpu", precision="f64", event_log=True) as simulation:
         find(simulation, 5.0)

@@ -128,6 +128,7 @@ def test_scenes_in_which_reruns_show_nothing_right_have_no_horizon():
     assert "tree" in horizon_of(by_tree).reason
 
 
+@pytest.mark.sampled(3)
 def test_a_method_that_damps_stiff_springs_at_every_step_is_not_called_valid():
     stiff = oscillator(0.1, 20.0, "implicit_euler")
     stiff["springs"][0]["link"]["stiffness"] = 1e6  # ω dt = 100: a step leaves a hundredth of the swing that should go on

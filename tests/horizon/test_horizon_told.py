@@ -43,6 +43,7 @@ def outputs(tmp_path_factory):
     return folder, json.loads(done.stdout)
 
 
+@pytest.mark.sampled(3)
 def test_the_summary_tells_the_time_and_the_cause(outputs):
     found = outputs[1]["horizon"]
     assert found["found"] == "before_end" and found["by"] == "step" and 0.0 < found["time"] < 40.0
@@ -81,6 +82,7 @@ def test_dimming_keeps_the_background_and_takes_contrast():
     assert np.abs(picture[0, 1] - (ground + CONTRAST * (255.0 - ground))).max() <= 1.0
 
 
+@pytest.mark.sampled(3)
 def test_without_the_key_nothing_is_searched_imported_or_said(tmp_path):
     scene = tmp_path / "plain.yaml"
     scene.write_text(yaml.safe_dump(kepler() | {"run": {"duration": 0.1}}))

@@ -18,6 +18,7 @@ def simulation_of(integrator, dt, span):
 
 
 @pytest.mark.parametrize(("integrator", "dt", "span"), CASES)
+@pytest.mark.sampled(3)
 def test_the_horizon_of_an_ellipse_is_the_pericentre_at_which_the_error_first_reaches_the_limit(integrator, dt, span):
     with simulation_of(integrator, dt, span) as simulation:
         found = find(simulation, span)

@@ -28,6 +28,7 @@ def orbit(integrator, eccentricity, orbits, *, looks=FRAMES):
 
 
 @pytest.mark.parametrize("eccentricity", [0.3, 0.9])
+@pytest.mark.sampled(3)
 def test_second_order_and_the_same_steps_whatever_the_eccentricity(eccentricity):
     start = np.array([1 + eccentricity, 0.0])
     errors = []

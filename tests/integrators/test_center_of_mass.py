@@ -153,6 +153,7 @@ def test_a_state_that_was_changed_has_no_frame_of_its_own():
 
 
 @pytest.mark.parametrize("name", ["dop853", "ias15", "wisdom_holman"])
+@pytest.mark.sampled(3)
 def test_a_moment_comes_back_bit_for_bit_and_a_launch_may_be_divided(name):
     scene = exact(origin=FAR, drift=FAST, dt=0.01, integrator=name)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -172,6 +173,7 @@ def test_a_moment_comes_back_bit_for_bit_and_a_launch_may_be_divided(name):
     assert np.abs(ahead.position - middle.position - 0.005 * middle.velocity).max() < 0.005**2 * 10
 
 
+@pytest.mark.sampled(3)
 def test_replicas_have_frames_of_their_own():
     scene = exact(origin=STILL, drift=STILL, integrator="dop853")
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -216,6 +218,7 @@ def test_the_time_of_a_frame_is_kept_in_two_numbers_over_any_launches(replicas):
         assert high == float(time)
 
 
+@pytest.mark.sampled(3)
 def test_a_free_body_goes_on_uniformly_for_ever():
     """One body, and bodies far apart that do not act on each other: the place is rounded once, not in every step."""
     scene = {
@@ -286,6 +289,7 @@ def test_energies_and_momenta_are_those_of_the_frame_of_the_scene():
 
 
 @pytest.mark.parametrize("name", ["dop853", "ias15"])
+@pytest.mark.sampled(3)
 def test_the_energy_balance_of_a_moving_network_is_that_of_the_scene(name):
     scene = {
         "title": "Damped",
@@ -303,6 +307,7 @@ def test_the_energy_balance_of_a_moving_network_is_that_of_the_scene(name):
     assert abs(last["energy_balance_residual"]) < 1e-6 and last["energy_turnover"] > 1350
 
 
+@pytest.mark.sampled(3)
 def test_a_phase_goes_on_in_the_same_frame_and_with_other_masses_about_the_new_centre():
     """No phase loses digits below the distant origin; a field ties the bodies to the frame of the scene for a while."""
 
@@ -340,6 +345,7 @@ def test_a_phase_goes_on_in_the_same_frame_and_with_other_masses_about_the_new_c
         assert run.mechanics()["total_energy"] == energy
 
 
+@pytest.mark.sampled(3)
 def test_spheres_that_collide_in_a_moving_frame_collide_as_at_rest():
     def scene(origin, drift):
         made = scene_of(

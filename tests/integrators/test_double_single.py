@@ -55,6 +55,7 @@ def test_motions_are_those_of_f64_to_1e_12(name, backend, plan, request):
 
 
 @pytest.mark.parametrize(("method", "steps"), [("kahan_li8", 400), ("rk4", 4000), ("chin4a", 4000)])
+@pytest.mark.sampled(3)
 def test_thousands_of_updates_on_an_orbit_leave_1e_12(method, steps):
     """One revolution with e = 0.6. Each update rounds x to 48 bits; added up, that would be some 10⁻¹¹ of the axis."""
     scene = kepler(0.6, dt=2 * math.pi / steps, integrator=method)
@@ -63,6 +64,7 @@ def test_thousands_of_updates_on_an_orbit_leave_1e_12(method, steps):
     assert np.abs(found - truth).max() <= TARGET
 
 
+@pytest.mark.sampled(3)
 def test_a_period_of_the_figure_of_eight_leaves_1e_12_on_vulkan(software_vulkan):
     truth, _ = end_of(figure_eight(400, "kahan_li8"), 400, backend="cpu", precision="f64")
     found, _ = end_of(figure_eight(400, "kahan_li8"), 400, backend="vulkan", precision="df64")
@@ -75,6 +77,7 @@ def test_a_start_keeps_every_bit_of_f64():
     assert np.array_equal(found.position, start.position) and np.array_equal(found.velocity, start.velocity)
 
 
+@pytest.mark.sampled(3)
 def test_both_plans_give_the_same_bits():
     ends = [end_of(everything(), 30, backend="cpu", plan=plan, precision="df64") for plan in ("serial", "parallel")]
     assert np.array_equal(ends[0], ends[1])
@@ -119,6 +122,7 @@ def test_operations_are_right_to_the_bounds_that_they_state(backend, request):
 
 
 @pytest.mark.parametrize("precision", ["ds", "df64"])
+@pytest.mark.sampled(3)
 def test_friction_slows_by_both_parts_of_a_velocity(precision):
     """v = v₀ exp(−c t) in f64 by the same method: df64 is off by roundings of 48 bits, ds by those of its force.
 
@@ -134,6 +138,7 @@ def test_friction_slows_by_both_parts_of_a_velocity(precision):
     assert abs(found - truth)[0, 0] <= rounding + of_forces
 
 
+@pytest.mark.sampled(3)
 def test_live_parameters_have_low_parts():
     """A slider's drag of 1/7 is not the 1/7 of f32, which would move a stone by 10⁻⁹."""
     stone = {"body": {"mass": 0.1, "position": [1 / 3, 0, 0]}}
@@ -148,6 +153,7 @@ def test_live_parameters_have_low_parts():
     assert np.abs(found - truth).max() <= 200 * 16 * 2.0**-47
 
 
+@pytest.mark.sampled(3)
 def test_energies_and_accelerations_are_those_of_f64():
     """Masses, charges and parameters such as 0.7 are not rounded to f32, which would change energies by 10⁻⁸."""
     found = {}
@@ -172,6 +178,7 @@ def test_restarts_and_marks_keep_every_bit():
     assert np.array_equal(first, again) and np.array_equal(first, anew)
 
 
+@pytest.mark.sampled(3)
 def test_forces_have_low_parts_only_where_the_precision_asks_for_them():
     sizes = {}
     for precision in ("f32", "f32c", "ds", "df64", "f64"):

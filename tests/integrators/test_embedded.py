@@ -40,6 +40,7 @@ def by_scipy(run, method, tolerance):
 @pytest.mark.parametrize(("name", "order", "tolerances"), [
     ("adaptive_dop853", 8, (1e-6, 1e-8, 1e-10)), ("adaptive_bogacki_shampine", 3, (1e-4, 1e-5, 1e-6)),
 ])  # fmt: skip
+@pytest.mark.sampled(3)
 def test_the_error_follows_the_tolerance_at_the_cost_of_scipys(name, order, tolerances):
     errors, work, other_work = [], [], []
     with Simulation(planet(name, 1e-3), backend="cpu", precision="f64") as run:
@@ -75,6 +76,7 @@ def test_every_force_and_looks_between_steps(name, tolerance, limit):
         assert ends[0] > run.time, "a sample within a step"
 
 
+@pytest.mark.sampled(3)
 def test_looks_change_no_bit_and_a_mark_brings_all_back():
     ends = []
     with Simulation(planet("adaptive_dop853", 1e-8, eccentricity=0.7), backend="cpu", precision="f64") as run:
@@ -95,6 +97,7 @@ def test_looks_change_no_bit_and_a_mark_brings_all_back():
     assert ends[0] == ends[1]
 
 
+@pytest.mark.sampled(3)
 def test_replicas_have_steps_of_their_own():
     scene = planet("adaptive_bogacki_shampine", 1e-5)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -109,6 +112,7 @@ def test_replicas_have_steps_of_their_own():
         assert counts[0] > counts[1]
 
 
+@pytest.mark.sampled(3)
 def test_rest_and_free_flight_are_no_work_and_single_precision_has_a_floor():
     still = {"body": {"mass": 1.0, "position": [0, 0, 0]}}
     flying = {"body": {"mass": 1.0, "position": [1, 0, 0], "velocity": [1, 2, 3]}}
@@ -126,6 +130,7 @@ def test_rest_and_free_flight_are_no_work_and_single_precision_has_a_floor():
         assert error_at_the_end(run) < 100**1.5 * 6e-8 * 10
 
 
+@pytest.mark.sampled(3)
 def test_a_collision_ends_the_run_and_plans_are_refused_by_name():
     fall = [{"body": {"mass": 1.0, "position": [side, 0, 0]}} for side in (-1, 1)]
     scene = {

@@ -164,6 +164,7 @@ def test_corrections_make_it_nearly_symmetric_in_time(name):
 
 
 @pytest.mark.parametrize("name", DERIVATIVES)
+@pytest.mark.sampled(3)
 def test_replicas_and_going_back_give_the_same_bits(name):
     scene = kepler(0.5, dt=0.02, integrator=name)
     with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:
@@ -180,6 +181,7 @@ def test_replicas_and_going_back_give_the_same_bits(name):
         assert not np.array_equal(simulation.snapshot(0).position, alone.position)
 
 
+@pytest.mark.sampled(3)
 def test_the_parallel_plan_of_a_gpu_agrees_with_the_cpu(software_vulkan):
     scene = cluster(30, integrator="hermite6", softening=0.3)
     ends = []

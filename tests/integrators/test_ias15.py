@@ -66,6 +66,7 @@ def test_a_hundred_orbits_end_where_they_began(eccentricity):
         assert np.abs(after.position - start.position).max() < 1e-6
 
 
+@pytest.mark.sampled(3)
 def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
     """A planet at e = 0.5 at times that no step ends at, against Kepler's equation; the same bits however often."""
     ends = []
@@ -105,6 +106,7 @@ def test_the_figure_eight_does_not_stall_where_an_acceleration_is_zero(precision
         assert run.integrator.counts(run.state)[0, run.integrator.STEPS] < 2000
 
 
+@pytest.mark.sampled(3)
 def test_three_bodies_of_pythagoras_part_as_rebound_says():
     """Burrau's problem: encounters to 1e-3 of the start's size before one body leaves; errors grow by some 1e6 until t = 30."""
     rebound = pytest.importorskip("rebound")

@@ -201,6 +201,7 @@ def test_software_vulkan_solves_the_same_equations(count, software_vulkan):
         np.testing.assert_allclose(found, expected, rtol=0, atol=20 * (10 * 2e-8 + 10 * 2.0**-24))
 
 
+@pytest.mark.sampled(3)
 def test_a_large_sheet_takes_conjugate_gradients_and_a_chain_of_any_length_does_not():
     with Simulation(sheet("bdf2", 0.01, count=40), backend="cpu") as simulation:
         assert isinstance(simulation.integrator.newton.linear, ConjugateGradients)
@@ -217,6 +218,7 @@ def test_a_large_sheet_takes_conjugate_gradients_and_a_chain_of_any_length_does_
     assert sorted(order) == list(range(900)) and bandwidth(order, np.random.default_rng(1).permutation(900)[between]) <= 31
 
 
+@pytest.mark.sampled(3)
 def test_momenta_of_a_free_network_are_kept():
     scene = sheet("energy_momentum", 0.05, damping=0.0)
     scene["particles"][0]["lattice"] |= {"fixed": "none", "velocity": ["v", "-u", "0.5 * u * v"]}
@@ -280,6 +282,7 @@ def test_reversible_methods_come_back_to_round_off(name):
 # --- what cannot be solved is told -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_steps_that_newton_does_not_solve_are_cut_and_counted():
     with Simulation(hard_networks.random_cloth("bdf2", 0.2, 0.05), backend="cpu", precision="f64") as simulation:
         simulation.run(steps=5)
@@ -303,6 +306,7 @@ def test_going_back_to_a_mark_repeats_every_bit(name):
 
 
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
+@pytest.mark.sampled(3)
 def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, monkeypatch):
     monkeypatch.setattr(newton, "MOST_ITERATIONS", 1)
     monkeypatch.setattr(_implicit, "MOST_PIECES", 2)
@@ -320,6 +324,7 @@ def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, 
         np.testing.assert_array_equal(simulation.snapshot().position, stopped.position)
 
 
+@pytest.mark.sampled(3)
 def test_the_summary_tells_what_the_solver_did(tmp_path, capsys):
     path = tmp_path / "sheet.yaml"
     path.write_text(json.dumps(sheet("implicit_midpoint", 0.05, count=4)), encoding="utf-8")

@@ -103,6 +103,7 @@ def test_software_vulkan_takes_low_parts_away_unless_they_are_guarded(software_v
 
 
 @pytest.mark.parametrize("precision", EXTENDED)
+@pytest.mark.sampled(3)
 def test_software_vulkan_moves_particles_as_the_cpu_does(precision, software_vulkan):
     # Both round their forces, by no more than 8 u of each (about ten operations), which over the time t leaves t² a 8 u at
     # most, with a = 1.25 at the start. Rounding of the places themselves, as in f32, is 300 times u/2 and more.
@@ -144,6 +145,7 @@ def test_free_flight_far_from_the_origin(precision):
         assert abs(way - 3000 * 2.0**-9 / 3) <= 6000 * U / 16 + 2.0**-36 * way
 
 
+@pytest.mark.sampled(3)
 def test_only_ds_and_f64_see_a_pair_far_from_the_origin_as_it_is():
     """At 2²⁰ two bodies a distance 1 apart are eight spacings of f32 from one another, but their separation is exact in ds."""
     errors = {}
@@ -176,6 +178,7 @@ def rms_energy_error(precision, steps, rotations=6):
     return float(np.sqrt(np.mean(np.square(found))))
 
 
+@pytest.mark.sampled(3)
 def test_energy_floor_is_a_thousand_times_lower_with_low_parts():
     """At h = T/65,536 the error of the method, (h ω)⁴, is 10⁻¹⁶, and all that is left is rounding.
 
@@ -205,6 +208,7 @@ def test_springs_friction_and_runge_kutta_methods_carry_low_parts(integrator):
     assert error["ds"] <= allowed < error["f32"] / 2
 
 
+@pytest.mark.sampled(3)
 def test_every_plan_gives_the_same_bits_in_ds_wherever_it_does_in_f64(monkeypatch):
     """The pair sum visits bodies in one order in both plans, and so do low parts; its products are rounded alike here."""
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)
@@ -214,6 +218,7 @@ def test_every_plan_gives_the_same_bits_in_ds_wherever_it_does_in_f64(monkeypatc
 
 
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
+@pytest.mark.sampled(3)
 def test_sums_over_many_bodies_lose_nothing_in_ds(backend, request):
     """A sum of n rounded terms in f32 is off by √n u/3 of itself or so: 7 u for 500. In ds only its terms and its end are.
 
@@ -250,6 +255,7 @@ def test_energies_are_those_of_the_masses_that_forces_have():
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "rk4", "chin4a"])
+@pytest.mark.sampled(3)
 def test_low_parts_are_saved_restored_and_taken_over_bit_for_bit(integrator):
     with Simulation(figure_eight(2000, integrator), backend="cpu", precision="ds") as simulation:
         simulation.run(steps=100)
@@ -283,6 +289,7 @@ def test_snapshots_go_through_high_and_low_parts_bit_for_bit(precision):
         assert np.array_equal(simulation.state.read()[0][:, :2], exact[:, :2])
 
 
+@pytest.mark.sampled(3)
 def test_low_parts_take_memory_only_where_the_precision_asks_for_them():
     sizes = {}
     for precision in PRECISIONS:

@@ -101,6 +101,7 @@ def test_friction_keeps_the_order_along_rods(name):
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(3)
 def test_lengths_are_kept_to_round_off_in_many_steps(precision):
     with Simulation(double_pendulum({"leapfrog": {"dt": 1e-3}}), backend="cpu", precision=precision) as s:
         s.run(steps=100_000)
@@ -109,6 +110,7 @@ def test_lengths_are_kept_to_round_off_in_many_steps(precision):
         assert speed_along(s) < 32 * SPACING[precision] * np.abs(s.snapshot().velocity).max()
 
 
+@pytest.mark.sampled(3)
 def test_the_energy_error_is_bounded_and_of_second_order():
     worst = []
     for dt in (4e-3, 2e-3):
@@ -136,6 +138,7 @@ def test_a_run_backwards_comes_home(name):
         assert np.abs(s.snapshot().position - start.position).max() < 1e4 * SPACING["f64"]
 
 
+@pytest.mark.sampled(3)
 def test_plans_agree_bit_for_bit():
     found = []
     for plan in ("serial", "parallel"):
@@ -145,6 +148,7 @@ def test_plans_agree_bit_for_bit():
     assert np.array_equal(*found)
 
 
+@pytest.mark.sampled(3)
 def test_a_triangle_and_a_long_chain_keep_all_lengths_and_the_momentum():
     angle = np.arange(60) * 0.3
     points = np.stack([np.cumsum(np.cos(angle)), np.cumsum(np.sin(angle)), 0.1 * np.arange(60)], axis=1)
@@ -163,6 +167,7 @@ def test_a_triangle_and_a_long_chain_keep_all_lengths_and_the_momentum():
         assert abs(energy(s) / begin - 1.0) < 1e-4
 
 
+@pytest.mark.sampled(3)
 def test_an_axis_that_is_held_gives_way_along_the_others():
     """A bead on the x axis, joined by a rod with a ball below it: m_bead x_bead + m_ball x_ball stays."""
     scene = chain([(0, 0, 0), (0.6, 0, -0.8)], masses=[2.0, 1.0], held=())
@@ -199,6 +204,7 @@ def test_rods_whose_forces_are_not_determined_are_refused(scene, words):
         Simulation(scene, backend="cpu")
 
 
+@pytest.mark.sampled(3)
 def test_a_square_with_one_diagonal_is_not_refused():
     with Simulation(chain(SQUARE, held=(), rods=SIDES), backend="cpu") as s:
         s.run(steps=3)
@@ -227,6 +233,7 @@ def test_scenes_without_rods_compile_nothing_for_rods():
         assert not [name for name in s.state.field_sizes() if name.startswith("rod_")]
 
 
+@pytest.mark.sampled(3)
 def test_the_force_of_a_rod_is_the_tension_of_a_pendulum():
     """m (g cos θ + L ω²) = m g (3 cos θ − 2 cos θ₀) of one rod; the upper of two rods at rest holds both weights."""
     scene = chain([(0, 0, 0), (2.0, 0, 0)], masses=[1, 3.0])

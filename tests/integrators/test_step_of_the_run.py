@@ -11,6 +11,7 @@ from scenes import kepler
 SCENE_DT, RUN_DT = 0.01, 0.0025
 
 
+@pytest.mark.sampled(3)
 def test_janus_puts_the_particles_on_the_lattice_of_the_step_of_the_run():
     ends = []
     for dt in (SCENE_DT, RUN_DT):
@@ -22,6 +23,7 @@ def test_janus_puts_the_particles_on_the_lattice_of_the_step_of_the_run():
 
 
 @pytest.mark.parametrize("integrator", ["ias15", "adaptive_dop853"])
+@pytest.mark.sampled(3)
 def test_an_adaptive_method_begins_with_the_step_of_the_run(integrator):
     """A body at rest without forces gives no hint of how long the first step may be; the time between two samples does."""
     body = {"mass": 1.0, "position": [0, 0, 0]}

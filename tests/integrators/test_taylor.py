@@ -44,6 +44,7 @@ def keplers_series(eccentricity, order):
     return np.array([[float(c), float(s)] for c, s in zip(cosine, sine)])
 
 
+@pytest.mark.sampled(3)
 def test_the_coefficients_are_those_of_keplers_orbit():
     e = 0.25  # an exact number
     speed = math.sqrt((1 + e) / (1 - e))
@@ -158,6 +159,7 @@ def test_a_smaller_tolerance_has_a_smaller_error_and_no_kernel_is_compiled_for_i
 
 
 @pytest.mark.parametrize("order", [8, 9])
+@pytest.mark.sampled(3)
 def test_errors_of_the_energy_cancel_in_an_encounter_where_the_order_is_odd(order):
     """The velocity lacks h^p times derivative p + 1 of the position; the power v · x^(p+1) of this error has parity p in time.
 
@@ -174,6 +176,7 @@ def test_errors_of_the_energy_cancel_in_an_encounter_where_the_order_is_odd(orde
             assert end < 0.1 * pericentre if order % 2 else end > pericentre
 
 
+@pytest.mark.sampled(3)
 def test_the_figure_eight_is_rebounds():
     """At T/6, where one acceleration is zero, and after a period; both err by the rounding of some 60 steps each."""
     rebound = pytest.importorskip("rebound")

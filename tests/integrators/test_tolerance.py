@@ -49,6 +49,7 @@ def begin(run, tolerance, mark):
 
 
 @pytest.mark.parametrize(("method", "tolerances"), METHODS)
+@pytest.mark.sampled(3)
 def test_the_tolerance_is_the_error_of_an_orbit_at_any_eccentricity(method, tolerances):
     """A wrong period counts in each orbit, so that n orbits make n (n + 1)/2 errors of an orbit.
 
@@ -74,6 +75,7 @@ def test_the_tolerance_is_the_error_of_an_orbit_at_any_eccentricity(method, tole
 
 
 @pytest.mark.parametrize(("method", "tolerances"), METHODS)
+@pytest.mark.sampled(3)
 def test_the_tolerance_is_the_error_of_seven_stars_in_close_encounters(method, tolerances):
     places = np.array([[3, 3, 0], [3, -3, 0], [-1, 2, 0], [-3, 0, 0], [2, 0, 0], [-2, -4, 0], [2, 4, 0]], float)
     velocities = np.zeros((7, 3))
@@ -89,6 +91,7 @@ def test_the_tolerance_is_the_error_of_seven_stars_in_close_encounters(method, t
 
 
 @pytest.mark.parametrize("method", ["taylor", "adaptive_dop853"])
+@pytest.mark.sampled(3)
 def test_the_tolerance_is_the_error_of_an_orbit_about_a_held_body(method):
     """The pull of a held body moves nothing, so that it has no part in the energy of the pair: e = 0.9, from apocentre."""
     e, tolerance = 0.9, 1e-8

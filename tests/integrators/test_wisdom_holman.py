@@ -226,6 +226,7 @@ def outer(kernel="kick"):
 
 
 @pytest.mark.parametrize("kernel", ["kick", "lazy"])
+@pytest.mark.sampled(3)
 def test_steps_are_those_of_whfast(kernel):
     with outer(kernel) as run:
         assert run.integrator.evaluations_per_step == (2 if kernel == "lazy" else 1)
@@ -261,6 +262,7 @@ def test_looks_change_no_bit_and_lie_on_the_motion():
     assert np.abs(ahead.position - expected).max() < 1e-3 * 1.1e-5 * (0.4 * 175) ** 2 / 2 * 4
 
 
+@pytest.mark.sampled(3)
 def test_the_lazy_kernel_leaves_no_error_of_the_square_of_the_masses_in_second_order():
     """With the corrector of order 17: ε² dt² falls by 4 where the step is halved; ε² dt⁴ + ε³ dt² falls by more, ε is 1e-2."""
     span, errors = 64.0, {}
@@ -290,6 +292,7 @@ def test_the_energy_stays_for_half_a_million_years():
     assert abs(np.mean(errors[20:]) - np.mean(errors[:20])) < 3 * np.std(errors) / math.sqrt(10)
 
 
+@pytest.mark.sampled(3)
 def test_two_bodies_are_left_to_round_off():
     """At e = 0.6, 3.7 steps an orbit: 1000 orbits against Kepler's equation."""
     mu = 1.001

@@ -24,6 +24,7 @@ def measured(times):
 
 @pytest.mark.parametrize("crossings", [4, 5, 40])
 @pytest.mark.parametrize("off_centre", [0.0, 0.3])
+@pytest.mark.sampled(3)
 def test_the_standard_error_of_a_frequency_is_its_scatter_over_seeds(crossings, off_centre):
     """Crossings at even times with independent normal errors; off centre, the downward crossings are late by 0.3.
 

@@ -74,6 +74,7 @@ def upward_passages(times, values, rates):
     return np.array(found)
 
 
+@pytest.mark.sampled(3)
 def test_modes_of_a_taut_membrane_are_those_of_the_lattice_and_keep_their_energy():
     """Modes (1,1), (2,1) and (2,2) at 0.7 % of a spacing, side by side, for 20 periods of the slowest.
 
@@ -115,6 +116,7 @@ def test_modes_of_a_taut_membrane_are_those_of_the_lattice_and_keep_their_energy
         assert worst[r, s] < 1e-3
 
 
+@pytest.mark.sampled(3)
 def test_the_first_mode_keeps_its_share_of_the_transverse_energy_at_a_large_amplitude():
     with Simulation(membrane(STRETCH), backend="cpu", precision="f64") as simulation:
         worst = 0.0
@@ -154,6 +156,7 @@ def first_quarter(simulation, dt, particle=None):
     raise AssertionError("it never came down")
 
 
+@pytest.mark.sampled(3)
 def test_without_tension_a_mass_among_four_springs_swings_with_a_period_inverse_to_its_amplitude():
     """T = 4 ∫₀ᴬ dz / √(2 (U(A) − U(z))/m), U(z) = 4 · ½ D (√(d² + z²) − d)²; T A → 0.2119 as A → 0."""
     length = 2.0 / 7.0
@@ -179,6 +182,7 @@ def test_without_tension_a_mass_among_four_springs_swings_with_a_period_inverse_
     assert products[1] == pytest.approx(0.2119, rel=1e-3) and products[0] > 1.02 * products[1]
 
 
+@pytest.mark.sampled(3)
 def test_without_tension_the_period_of_a_sheet_doubles_when_its_amplitude_is_halved():
     """25 at amplitude 0.1, 50 at 0.05; four quarters of the first mode are a little shorter than the mean of later swings."""
     quarters = {}
@@ -204,6 +208,7 @@ def chain(count, displacement, velocity="0", dt=0.05):
 
 
 @pytest.mark.parametrize("mode", [3, 20, 55])
+@pytest.mark.sampled(3)
 def test_longitudinal_waves_of_a_chain_have_the_lattice_s_phase_velocity(mode):
     """Exactly linear as long as no spring is turned round: ω/k = 2 sin(k/2)/k to leapfrog's (ω dt)²/24 < 3e-6."""
     count, dt = 61, 4e-3

@@ -361,6 +361,7 @@ def test_a_run_shows_the_theory_and_its_own_step(swung):
 
 
 @pytest.mark.parametrize(("r", "s"), [(1, 1), (2, 1), (2, 2)])
+@pytest.mark.sampled(3)
 def test_a_membrane_keeps_to_its_mode_and_its_frequency(r, s):
     """The lattice formula to 1e-4, and less than 1e-3 of the energy elsewhere, in 20 periods."""
     omega = math.sqrt(50 * (1 - 1 / 1.5) * 4 * (math.sin(r * math.pi / 14) ** 2 + math.sin(s * math.pi / 14) ** 2))

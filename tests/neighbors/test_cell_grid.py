@@ -119,6 +119,7 @@ def test_pairs_of_a_box_that_repeats(dimensions, ratio):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1e4])
+@pytest.mark.sampled(3)
 def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
     backends.start("cpu", "f64", threads=2)
     random = np.random.default_rng(6)
@@ -161,6 +162,7 @@ def test_partners_on_every_edge_of_a_grid_of_one_level_are_written_down(period, 
     assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
 
 
+@pytest.mark.sampled(3)
 def test_where_there_is_no_room_for_the_partners_that_is_told():
     backends.start("cpu", "f64", threads=2)
     enough = Finder(np.zeros((PARTNERS_PER_SPHERE, 3)), np.ones(PARTNERS_PER_SPHERE))
@@ -210,6 +212,7 @@ def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.sampled(3)
 def test_nan_positions_and_point_particles_do_not_stop_the_grid(precision):
     """What is no number is found out after the step, with its particle; until then the grid has to bear it."""
     random = np.random.default_rng(3)
@@ -235,6 +238,7 @@ def test_nan_positions_and_point_particles_do_not_stop_the_grid(precision):
 
 
 @pytest.mark.parametrize("period", [None, (1.0, 1.0, 3.0)], ids=["open", "periodic"])
+@pytest.mark.sampled(3)
 def test_a_grid_built_again_knows_that_spheres_grew_or_left_the_box(period):
     """Its table stays while box and reaches do: the table of spheres that have grown would miss pairs."""
     random = np.random.default_rng(11)
@@ -253,6 +257,7 @@ def test_a_grid_built_again_knows_that_spheres_grew_or_left_the_box(period):
 
 
 @pytest.mark.parametrize("factors", [[1.0], [1.0, 3.0, 30.0]], ids=["one level", "levels"])
+@pytest.mark.sampled(3)
 def test_threads_of_a_device_build_the_same_grid(factors):
     """Slot by slot, to the last bit, whatever order spheres come into their cells in; no reach is at the edge of a bin."""
     random = np.random.default_rng(7)

@@ -50,6 +50,7 @@ def test_every_shape_gives_the_sum_over_all_pairs(case, precision):
             assert (error <= 2 * rounding(size, precision) * scale).all(), (shape, size)
 
 
+@pytest.mark.sampled(3)
 def test_accelerations_are_added_to_what_is_there(precision):
     bodies = bodies_of(20, 3, precision)
     launcher = launcher_of((Gravity(0.5),), bodies, precision)
@@ -74,6 +75,7 @@ def test_a_replica_feels_only_its_own_bodies(size, charged, precision):
     assert not result[:size].any() and not result[2 * size :].any()
 
 
+@pytest.mark.sampled(3)
 def test_internal_forces_sum_to_zero(precision):
     forces, bodies = (Gravity(0.0), Charges(0.0)), bodies_of(100, 3, precision)
     mass = bodies[1]
@@ -84,6 +86,7 @@ def test_internal_forces_sum_to_zero(precision):
         assert (np.abs(total) <= 2 * rounding(100, precision) * (mass @ scale)).all(), shape
 
 
+@pytest.mark.sampled(3)
 def test_own_launch_gives_the_bits_of_the_inlined_loop(precision, monkeypatch):
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)  # which only the launch would use
     launcher = launcher_of((Gravity(0.0), Charges(0.25)), bodies_of(101, 3, precision), precision)
@@ -105,6 +108,7 @@ def test_bodies_at_one_place_are_never_silently_finite(size, precision):
             np.testing.assert_array_equal(np.isfinite(launcher.run(shape)).all(axis=1), ~met, err_msg=shape)
 
 
+@pytest.mark.sampled(3)
 def test_softened_bodies_at_one_place_stay_finite(precision):
     bodies = bodies_of(12, 3, precision)
     bodies[0][7] = bodies[0][2]
@@ -114,6 +118,7 @@ def test_softened_bodies_at_one_place_stay_finite(precision):
 
 
 @pytest.mark.parametrize("scale", [1e-11, 1e12])
+@pytest.mark.sampled(3)
 def test_single_precision_spans_atoms_and_planets(scale):
     for precision in started("f32"):
         forces, bodies = (Gravity(0.0),), bodies_of(70, 3, precision, scale)
@@ -134,6 +139,7 @@ def test_potential_energy_is_float64_in_any_precision(precision):
     np.testing.assert_allclose(launcher.energies.to_numpy(), expected, rtol=rounding(70, ti.f64))
 
 
+@pytest.mark.sampled(3)
 def test_forces_of_any_shape_are_evaluated_in_lanes(precision, monkeypatch):
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)
     assert is_elementwise(Gravity.shape)
@@ -184,6 +190,7 @@ def test_bits_do_not_depend_on_the_number_of_threads():
 
 
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
+@pytest.mark.sampled(3)
 def test_forces_in_f32_are_right_to_5e_6_of_the_largest(backend, request):
     """A ring around its planet: thousands of small pulls beside a large one, which all could be rounded the same way."""
     if backend == "vulkan":

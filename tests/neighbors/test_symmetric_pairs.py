@@ -41,6 +41,7 @@ def test_it_is_the_sum_over_all_pairs_and_gives_no_momentum(case, name):
         assert (momentum <= 2 * rounding(count, precision) * (bodies[1] @ scale)).all()
 
 
+@pytest.mark.sampled(3)
 def test_a_force_that_is_no_mere_arithmetic_is_taken_lane_by_lane():
     for precision in started("f64"):
         launcher = launcher_of((Screened(0.0),), bodies_of(SYMMETRIC_COUNT, 3, precision), precision)
@@ -60,6 +61,7 @@ def test_the_bits_do_not_depend_on_the_number_of_threads():
 
 
 @pytest.mark.parametrize("has_root", [True, False], ids=["as this processor does it", "written out"])
+@pytest.mark.sampled(3)
 def test_bodies_at_one_place_leave_the_others_alone(monkeypatch, has_root):
     """Also with that one which shares a division, where the processor has no inverse roots."""
     if not has_root:

@@ -190,6 +190,7 @@ def test_equal_keys_stay_in_the_order_of_the_scene(tree):
     assert np.count_nonzero(np.diff(found) < 0) == 1  # two places, each in the order of its bodies
 
 
+@pytest.mark.sampled(3)
 def test_in_the_plane_gravity_still_falls_off_with_the_square(tree):
     position, mass = bodies("sphere", 2000)
     flat = np.ascontiguousarray(position[:, :2])
@@ -200,6 +201,7 @@ def test_in_the_plane_gravity_still_falls_off_with_the_square(tree):
 
 
 @pytest.mark.parametrize("count", [2, 100])
+@pytest.mark.sampled(3)
 def test_few_bodies_are_summed_pair_by_pair(tree, count):
     """Up to a group nothing is far; beyond, the tightest accuracy leaves 1e-6."""
     position, mass = bodies("sphere", count)
@@ -264,6 +266,7 @@ def test_the_bits_do_not_depend_on_the_threads():
         np.testing.assert_array_equal(other[1], found[0][1])
 
 
+@pytest.mark.sampled(3)
 def test_any_units_will_do():
     """Second moments in SI units are beyond f32: only a tree in units of its own has them."""
     backends.start("cpu", "f32", threads=2)
@@ -277,6 +280,7 @@ def test_any_units_will_do():
         assert np.percentile(errors(found / (strength * weight / length**2), exact), 99) <= 1e-3
 
 
+@pytest.mark.sampled(3)
 def test_a_thread_for_each_body_sums_what_groups_of_them_do():
     """The walk of GPUs, here on the CPU: the same nodes in another order, so the same but for rounding."""
     backends.start("cpu", "f64", threads=2)
@@ -314,6 +318,7 @@ def scene(solver="tree", count=1500, *, integrator="leapfrog", steps=40, **more)
     }
 
 
+@pytest.mark.sampled(3)
 def test_a_cluster_keeps_its_energy_as_with_the_direct_sum():
     """Both begin with the same energy to the tree's error of the potential, and then wobble alike."""
     found = {}
@@ -331,6 +336,7 @@ def test_a_cluster_keeps_its_energy_as_with_the_direct_sum():
     np.testing.assert_allclose(near, exact, rtol=3e-5)
 
 
+@pytest.mark.sampled(3)
 def test_the_great_ring_runs(request):
     """The scene of a million particles, with fewer; its own expectation holds."""
     path = request.config.root_folder / "scenes" / "large" / "great_ring.yaml"
@@ -342,6 +348,7 @@ def test_the_great_ring_runs(request):
     assert abs(after / before - 1.0) < 1e-5
 
 
+@pytest.mark.sampled(3)
 def test_held_axes_stay():
     held = {"body": {"mass": 0.1, "position": [3, 0, 0], "free": [False, True, False]}}
     changed = scene(steps=5)

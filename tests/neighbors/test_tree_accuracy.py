@@ -67,6 +67,7 @@ def test_99_of_100_forces_keep_the_accuracy_also_where_pulls_cancel(tree, kind, 
         assert np.percentile(placed(tree, kind, accuracy, precision), 99) <= accuracy
 
 
+@pytest.mark.sampled(3)
 def test_in_two_dimensions_forces_keep_the_accuracy_where_pulls_cancel():
     backends.start("cpu", "f64", threads=2)
     plane = Tree(COUNT, 2)
@@ -85,6 +86,7 @@ def test_a_thread_for_each_body_keeps_the_accuracy_where_pulls_cancel():
         assert np.percentile(placed(tree, "row", accuracy), 99) <= accuracy
 
 
+@pytest.mark.sampled(3)
 def test_software_vulkan_keeps_the_accuracy_where_pulls_cancel(software_vulkan):
     backends.start("vulkan", "f32")
     tree = Tree(2000)
@@ -137,6 +139,7 @@ def test_energies_are_sums_over_the_same_nodes_as_forces(tree, kind):
         assert terms[i] == pytest.approx(-0.5 * mass[i] * others.sum(), rel=1e-3)
 
 
+@pytest.mark.sampled(3)
 def test_the_frame_of_a_tree_changes_no_separation():
     """In f32, a subtraction of the mean would round the places of a row by a part of its spacing."""
     backends.start("cpu", "f32", threads=2)

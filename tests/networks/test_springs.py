@@ -112,6 +112,7 @@ def ladder(scene, halvings=3, looks=20, steps=40):
         return errors, simulation.snapshot()
 
 
+@pytest.mark.sampled(3)
 def test_a_spring_of_rest_length_zero_is_an_isotropic_linear_oscillator():
     """Its orbit is the ellipse x₀ cos ωt + v₀/ω sin ωt about the wall; a radial one passes through the wall undisturbed."""
     errors = {}
@@ -163,6 +164,7 @@ def test_coincident_ends_exert_nothing_on_one_another_until_something_parts_them
     assert end.position.tolist() == [[251, 2, -497], [251, 2, -497]]
 
 
+@pytest.mark.sampled(3)
 def test_a_spring_of_stiffness_zero_leaves_its_ends_alone_or_only_brakes_them():
     with Simulation(hard_networks.zero_stiffness(), backend="cpu", precision="f64") as simulation:
         end = simulation.run(steps=1000).snapshot()
@@ -193,6 +195,7 @@ def test_a_smooth_network_keeps_its_energy_to_the_order_of_the_method(make, name
 
 
 @pytest.mark.parametrize("make", hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
+@pytest.mark.sampled(3)
 def test_a_network_whose_forces_jump_stays_finite_and_keeps_its_energy(make, caplog):
     """A force that jumps by ΔF = 2 D L within a step costs up to ΔF v dt of energy, at random in sign at every passage."""
     errors, end = ladder(make(), halvings=2, looks=40, steps=50)

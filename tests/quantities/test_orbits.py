@@ -143,6 +143,7 @@ def test_a_group_counts_as_a_body_at_its_centre_of_mass():
     assert measured("semi_major_axis", start, of=(2, 1), around=(0, 2)) == expected.semi_major_axis
 
 
+@pytest.mark.sampled(3)
 def test_elements_are_constants_of_a_run_and_change_with_the_strength_of_gravity():
     """Two bodies keep their orbit, until gravity is four times as strong and their speed is no longer that of the orbit."""
     elements = (1.0, 0.25, 0.5, 0.3, 0.2, 0.0)
@@ -173,6 +174,7 @@ def test_elements_are_constants_of_a_run_and_change_with_the_strength_of_gravity
 HELD = SUN | {"velocity": [0, 0, 0], "free": False}
 
 
+@pytest.mark.sampled(3)
 def test_a_sun_that_is_held_does_not_answer():
     """μ is G m₁ then: a body placed by its elements keeps them in the run, and the elements and the period are those."""
     elements = (1.0, 0.25, 0.5, 0.3, 0.2, 0.0)

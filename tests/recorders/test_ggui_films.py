@@ -47,6 +47,7 @@ def picture(path):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of POSIX are used")
+@pytest.mark.sampled(3)
 def test_a_film_by_ggui_has_the_shapes_of_other_films_and_goes_on_after_a_kill(ggui_works, tmp_path, monkeypatch):
     """Without a display. Trails, the camera and the range of colours go on with the run."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):

@@ -210,6 +210,7 @@ def test_the_page_of_the_ring_is_below_ten_megabytes(tmp_path):
     assert np.abs(columns["x"][200] - frames[200].position[:, 0]).max() <= steps["x"].max() / 2 + 1e-15
 
 
+@pytest.mark.sampled(3)
 def test_record_writes_a_page_beside_other_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = str(ROOT / "scenes" / "sun_earth.yaml")
@@ -243,6 +244,7 @@ def test_what_cannot_be_a_page_is_said_in_one_line(tmp_path, monkeypatch, capsys
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.sampled(3)
 def test_a_browser_draws_particles_where_the_camera_sees_them(tmp_path, browser):
     frames = balls()
     _, columns, _, _ = recorded(tmp_path / "run.html", frames)

@@ -69,6 +69,7 @@ def test_the_run_ends_with_exit_code_4_and_the_remedy_holds(tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("every", [1, 10, 100])
+@pytest.mark.sampled(3)
 def test_a_slingshot_past_a_moving_body_is_confirmed_by_smaller_steps(every, monkeypatch):
     examined = []
     original = massless_watch.MasslessWatch._examine
@@ -77,6 +78,7 @@ def test_a_slingshot_past_a_moving_body_is_confirmed_by_smaller_steps(every, mon
     assert error is None and examined and speed > 0.5
 
 
+@pytest.mark.sampled(3)
 def test_looking_again_changes_no_bit_of_the_motion():
     ends = []
     for watches in (True, False):

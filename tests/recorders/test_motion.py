@@ -15,6 +15,7 @@ from scenes import kepler
 SPAN = 2 * math.pi
 
 
+@pytest.mark.sampled(3)
 def test_the_motion_is_that_of_the_run_and_leaves_no_trace() -> None:
     with Simulation(kepler(eccentricity=0.6), backend="cpu", precision="f64") as plain:
         plain.run(until=SPAN)
@@ -45,6 +46,7 @@ class Pictures:
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "ias15"])
+@pytest.mark.sampled(3)
 def test_a_film_of_a_run_has_the_motion_once_and_the_run_its_bits(integrator) -> None:
     scene, ends, view = kepler(integrator=integrator), [], Pictures()
     for films in (False, True):

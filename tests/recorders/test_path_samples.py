@@ -58,6 +58,7 @@ def trail_of(frames, tolerance=1e-4):
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.6, 0.9])
+@pytest.mark.sampled(3)
 def test_the_trail_of_an_ellipse_is_an_ellipse_at_four_frames_in_a_revolution(eccentricity) -> None:
     far, slow = 1.0 + eccentricity, math.sqrt((1.0 - eccentricity) / (1.0 + eccentricity))
     planet = {"body": {"name": "planet", "mass": 1.0, "position": [-far, 0, 0], "velocity": [0, -slow, 0]}}
@@ -114,6 +115,7 @@ def test_there_are_no_more_samples_than_agreed() -> None:
     assert all(len(frame.path_time) <= MOST + 1 for frame in frames[1:])
 
 
+@pytest.mark.sampled(3)
 def test_a_bounce_and_a_swing_are_no_turns() -> None:
     """A ball on a floor and a pendulum's weight on a straight line come back on themselves, and turn nowhere."""
     ball = {

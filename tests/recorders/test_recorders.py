@@ -127,6 +127,7 @@ def test_watchdog_leaves_damped_scenes_alone():
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".xyz"])
+@pytest.mark.sampled(3)
 def test_trajectory_keeps_every_frame_exactly(tmp_path, suffix):
     path = tmp_path / f"t{suffix}"
     expected = []

@@ -93,6 +93,7 @@ def test_a_column_that_the_scene_cannot_have_is_refused_before_the_run(tmp_path)
             asked_columns(simulation)
 
 
+@pytest.mark.sampled(3)
 def test_the_header_has_units_where_the_scene_asks_for_them(tmp_path):
     columns = "[time, {position: {of: earth, axis: x}}, total_energy, {speed: {of: earth}}, relative_energy_error]"
     lines = SCENE.replace("{strength: 1}", "{}").strip().splitlines()

@@ -237,6 +237,7 @@ def test_encoder_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert not recorder._writer.is_alive() and not recorder._listener.is_alive()
 
 
+@pytest.mark.sampled(3)
 def test_encoder_that_hangs_while_it_finishes_the_film_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = video.check_encoder()
     body = f"if '-framerate' in sys.argv:\n    os.execv({real!r}, [{real!r}, *sys.argv[1:]])\ntime.sleep(1000)"
@@ -249,6 +250,7 @@ def test_encoder_that_hangs_while_it_finishes_the_film_is_ended(tmp_path: Path, 
     assert len(decode(tmp_path / "film.part.mp4", SIZE)) == 1 and not list(tmp_path.glob("*.lock"))
 
 
+@pytest.mark.sampled(3)
 def test_encoder_that_is_stopped_for_a_while_goes_on(tmp_path: Path) -> None:
     with VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
         for index in range(40):
@@ -327,6 +329,7 @@ for index in range(10000):
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("whole_group", [False, True], ids=["the program", "the program and the encoder"])
+@pytest.mark.sampled(3)
 def test_film_plays_after_the_program_was_killed(tmp_path: Path, whole_group: bool) -> None:
     process = subprocess.Popen([sys.executable, "-c", ENDLESS, tmp_path / "film.mp4"], stdout=subprocess.PIPE, env=ENVIRONMENT)
     assert process.stdout is not None and process.stdout.readline() == b"ready\n"

@@ -38,6 +38,7 @@ def run():
         return simulation, table, found, simulation.contact_report
 
 
+@pytest.mark.sampled(3)
 def test_the_scene_and_the_device_are_those_of_the_run(run):
     simulation, _, found, _ = run
     expected = {

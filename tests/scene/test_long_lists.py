@@ -161,6 +161,7 @@ LARGE = 100_000
 SECONDS = 6.0  # of processor time: it takes 1.3 s on a processor of its own, and up to three times as long beside other work
 
 
+@pytest.mark.sampled(3)
 def test_a_hundred_thousand_bodies_are_read_in_seconds(tmp_path):
     path = tmp_path / "large.yaml"
     path.write_text(scene(flow, count=LARGE), encoding="utf-8")

@@ -107,6 +107,7 @@ def test_what_is_not_arithmetic_is_refused_at_its_character(text, offset, messag
 
 @settings(max_examples=300, deadline=None)
 @given(st.one_of(st.text(max_size=60), st.text(alphabet="0123456789._e+-*/%()ab ,sqrtnidf", max_size=60)))
+@pytest.mark.sampled(3)
 def test_any_text_is_a_finite_number_or_an_expression_error(text):
     try:
         assert math.isfinite(parse(text).number(VALUES))

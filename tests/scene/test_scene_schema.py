@@ -36,6 +36,7 @@ def test_the_shipped_schema_is_that_of_the_model():
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+@pytest.mark.sampled(3)
 def test_a_bundled_scene_is_valid_commented_and_expects_something(path, validator):
     text = path.read_text(encoding="utf-8")
     assert text.startswith(MODELINE + "\n")

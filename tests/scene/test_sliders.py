@@ -56,6 +56,7 @@ def test_the_next_step_is_with_what_was_moved(falling):
     assert falling.time == 1.375 and place(falling)[1] == -2.0 + 3.0 * 0.375
 
 
+@pytest.mark.sampled(3)
 def test_moves_are_events_that_later_ones_and_restarts_respect():
     release = {"at": 3.0, "set": {"forces.uniform_gravity.acceleration": [0, 0, 0]}}
     with mpp.Simulation(stone(release), backend="cpu", precision="f64") as simulation:

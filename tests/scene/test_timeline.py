@@ -163,6 +163,7 @@ def test_phases_are_separate_runs_joined_by_a_snapshot(plan):
     assert found.velocity[2, 1] == 0.0 and found.position[2, 1] == middle.position[2, 1]
 
 
+@pytest.mark.sampled(3)
 def test_a_method_with_a_history_begins_anew_in_its_phase():
     """BDF2 after leapfrog: as from a snapshot, and so again after a restart, when its fields still hold a history."""
     bdf2 = {"integrator": {"bdf2": {"dt": 0.02}}}
@@ -181,6 +182,7 @@ def test_a_method_with_a_history_begins_anew_in_its_phase():
         assert np.array_equal(simulation.run(steps=5).snapshot().position, found.position)
 
 
+@pytest.mark.sampled(3)
 def test_replicas_go_through_the_phases_together():
     scene = oscillator({"at": 0.5, "set": {"springs[0].link.stiffness": 5, "particles.1.body.mass": 1}}, dt=0.01)
     with Simulation(scene, backend="cpu", plan="serial") as simulation:
@@ -197,6 +199,7 @@ def test_replicas_go_through_the_phases_together():
             assert np.array_equal(ensemble.snapshot(k).velocity, expected.velocity)
 
 
+@pytest.mark.sampled(3)
 def test_a_jump_of_a_parameter_is_work_and_no_error(caplog):
     """Stiffness, then mass, then a held axis: each changes the energy by what the state says, and the watchdog is content."""
     events = [
@@ -497,6 +500,7 @@ def test_a_step_too_large_for_a_later_phase_is_told_before_the_first(tmp_path, m
     assert 0.5 <= crash.time < 6.0 and np.isfinite(crash.position).all() and (crash.springs.stiffness == 2e6).all()
 
 
+@pytest.mark.sampled(3)
 def test_a_run_goes_on_from_a_state_in_a_later_phase(tmp_path, monkeypatch, capsys):
     """The mass of the second phase is the state's, so the state fits that phase and not the first."""
     monkeypatch.chdir(tmp_path)

@@ -31,6 +31,7 @@ def test_a_run_whose_step_is_changed_on_the_way_goes_on_from_its_time():
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "janus"])
+@pytest.mark.sampled(3)
 def test_a_bookmark_brings_back_the_step_that_the_run_had(integrator):
     with Simulation(kepler(dt=0.1, integrator=integrator), backend="cpu") as simulation:
         simulation.dt = 0.05  # as --rewind does

@@ -11,6 +11,7 @@ MEETING = (11, 400)  # in the second of two tiles of bodies that are taken toget
 
 
 @pytest.mark.parametrize("has_root", [True, False], ids=["as this processor does it", "written out"])
+@pytest.mark.sampled(3)
 def test_bodies_that_meet_exactly_are_named(monkeypatch, has_root):
     """In the middle of the first step, at the origin; a body that shares a division with one of them is not blamed."""
     if not has_root:

@@ -25,6 +25,7 @@ GROUPS = {
 }
 
 
+@pytest.mark.sampled(3)
 def test_particles_are_found_and_read_at_the_present_time():
     with Simulation(GROUPS, backend="cpu") as simulation:
         earth, dust = simulation.particles["earth"], simulation.particles["dust"]
@@ -94,6 +95,7 @@ HEAD_ON = {
 }
 
 
+@pytest.mark.sampled(3)
 def test_a_method_that_chooses_its_steps_needs_only_an_end():
     """The time between samples changes no bit of the motion, so that a thousandth of the run serves."""
     known = without_length() | {"run": {"duration": 3.0}}
@@ -109,6 +111,7 @@ def test_a_method_that_chooses_its_steps_needs_only_an_end():
         Simulation(without_length(timeline=[{"at": 1.0, "set": {"particles[0].body.mass": 2.0}}]), backend="cpu")
 
 
+@pytest.mark.sampled(3)
 def test_free_flight_needs_only_an_end():
     with Simulation(HEAD_ON, backend="cpu") as simulation:
         simulation.run(until=2.0)

@@ -110,6 +110,7 @@ def test_steps_of_many_bodies_that_share_a_loop_give_the_bits_of_single_ones(int
     assert 0 < difference(serial, ends[0]) <= growth
 
 
+@pytest.mark.sampled(3)
 def test_stages_looked_up_by_the_parallel_plan_are_those_of_the_serial_one():
     scene = irregular_network(60, 150, damping=0.3, integrator="kahan_li6")
     ends = [end_of(scene, backend="cpu", plan=plan, steps=20) for plan in ("serial", "parallel")]
@@ -144,6 +145,7 @@ def test_any_number_of_threads_gives_the_same_bits():
     assert len(digests) == 1 and len(set(digests.pop().split())) == 2 + 2 + 3
 
 
+@pytest.mark.sampled(3)
 def test_two_dimensions_give_what_three_give_in_the_plane():
     flat = end_of(cluster(20, dimensions=2), backend="cpu", plan="serial")
     scene = cluster(20, dimensions=2) | {"dimensions": 3}

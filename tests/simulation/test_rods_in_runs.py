@@ -39,6 +39,7 @@ def written(tmp_path, **more):
     return str(path)
 
 
+@pytest.mark.sampled(3)
 def test_replicas_with_starts_of_their_own_move_as_single_runs():
     starts, ends = [], []
     for speed in (0.0, 1.0):
@@ -55,6 +56,7 @@ def test_replicas_with_starts_of_their_own_move_as_single_runs():
     assert np.abs(ends[0].position - ends[1].position).max() > 1e-2
 
 
+@pytest.mark.sampled(3)
 def test_a_timeline_may_cut_a_rod_and_add_none():
     cut = [{"at": 0.5, "set": {"springs": SCENE["springs"][:2]}}]
     with Simulation({**SCENE, "timeline": cut}, backend="cpu") as s:
@@ -69,6 +71,7 @@ def test_a_timeline_may_cut_a_rod_and_add_none():
         Simulation({**SCENE, "timeline": added}, backend="cpu")
 
 
+@pytest.mark.sampled(3)
 def test_a_run_with_rods_that_is_cut_off_goes_on_with_the_same_bits():
     assert same_after_a_cut(SCENE, 31, "table", precision="f64", plan="serial")
 
@@ -99,6 +102,7 @@ def test_rods_are_drawn_in_their_own_colours():
         (["run", "--headless", "--no-archive", "--set", "modes={}"], "modes of springs beside rods"),
     ],
 )
+@pytest.mark.sampled(3)
 def test_what_knows_no_rods_says_so(words, message, tmp_path, capfd):
     assert main([words[0], written(tmp_path), *words[1:]]) != 0
     assert message in capfd.readouterr().err

@@ -32,6 +32,7 @@ def stone():
 # --- parameters that change ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_what_is_set_holds_from_then_on(stone):
     stone.run(until=1.0)  # z = 2 − 1, v_z = 2 − 2
     stone.set("forces.uniform_gravity.acceleration", np.array([0.0, 0.0, 3.0]))
@@ -74,6 +75,7 @@ def test_what_was_set_is_kept_and_can_be_run_again(stone, tmp_path):
         assert np.array_equal(again.snapshot().position, seen.position)
 
 
+@pytest.mark.sampled(3)
 def test_later_events_of_the_timeline_stay():
     at_three = {"at": 3.0, "set": {"forces.uniform_gravity.acceleration": [0, 0, 0]}}
     with mpp.Simulation(falling(at_three), backend="cpu") as simulation:
@@ -89,6 +91,7 @@ def test_before_the_first_step_all_of_the_scene_may_change(stone):
     assert stone.snapshot().position.tolist() == [[0.0, 0.0, 5.0]] and not stone.scene.timeline
 
 
+@pytest.mark.sampled(3)
 def test_a_run_that_continues_from_a_state_applies_the_timeline_at_its_times(stone):
     stone.run(until=2.0)
     state = stone.snapshot()
@@ -174,6 +177,7 @@ def opened(png):
     return np.asarray(Image.open(io.BytesIO(png)))
 
 
+@pytest.mark.sampled(3)
 def test_a_result_holds_arrays_and_shows_itself():
     scene = kepler(eccentricity=0.0, dt=np.pi / 512) | {"run": {"duration": 2 * np.pi}, "title": "Circle <&> line"}
     scene["move_to_center_of_mass"] = False
@@ -215,11 +219,13 @@ def test_a_result_holds_arrays_and_shows_itself():
     assert repr(simulation).endswith("ended") and "img" not in Tags(simulation._repr_html_()).found
 
 
+@pytest.mark.sampled(3)
 def test_a_run_of_too_many_moments_is_refused():
     with pytest.raises(mpp.CapacityError, match="fewer samples"):
         mpp.run("scenes/cloth.yaml", backend="cpu", samples=10**8, overrides={"integrator.leapfrog.dt": 1e-5})
 
 
+@pytest.mark.sampled(3)
 def test_ipython_shows_the_picture():
     display = pytest.importorskip("IPython.core.formatters", reason="IPython is not installed").DisplayFormatter()
     with mpp.Simulation("scenes/kepler.yaml", backend="cpu") as simulation:

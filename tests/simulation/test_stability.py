@@ -51,6 +51,7 @@ def test_a_zero_distance_is_named_with_its_step_and_pair(backend, plan, precisio
 
 
 @pytest.mark.parametrize(("backend", "plan"), BACKENDS)
+@pytest.mark.sampled(3)
 def test_a_planted_nan_is_found_on_every_backend(backend, plan, request):
     if backend == "vulkan":
         request.getfixturevalue("software_vulkan")

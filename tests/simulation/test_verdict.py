@@ -97,11 +97,13 @@ def test_a_planet_too_light_for_the_total_energy_is_watched_as_a_massless_one_is
 
 
 @pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.sampled(3)
 def test_each_kind_of_wrong_result_is_warned_of_once(kind):
     assert kind in warned(WRONG[kind])
 
 
 @pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.sampled(3)
 def test_the_command_line_and_python_have_the_same_verdict(kind, tmp_path, capsys):
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(WRONG[kind]), encoding="utf-8")
@@ -151,12 +153,14 @@ def test_a_way_of_judging_that_does_not_exist_is_refused():
         closing_wall("resting", 0.0001) | {"run": {"duration": 2.0}},
     ],
 )
+@pytest.mark.sampled(3)
 def test_sound_runs_raise_no_finding(scene):
     assert warned(scene) == []
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("far", [0.0, 1e6, 1e12, 1e15])
+@pytest.mark.sampled(3)
 def test_a_position_is_called_lost_exactly_where_a_run_does_not_move_it(precision, far):
     """A single body keeps its velocity: a first step that changes nothing proves that no later step does."""
     scene = flight(position=(far, 0, 0))
@@ -183,6 +187,7 @@ def test_a_velocity_that_gravity_would_not_change_is_found(speed, lost):
         assert ("rounding" in [each.kind for each in simulation.verdict.findings]) == lost
 
 
+@pytest.mark.sampled(3)
 def test_methods_that_keep_rounding_errors_and_moving_frames_lose_nothing():
     """ias15 keeps the rounding error of each sum; yoshida8 steps in the frame of the centre of mass, as nothing else acts."""
     far = flight(position=(1e12, 0, 0), velocity=(1e-3, 0, 0))

@@ -236,6 +236,7 @@ def test_a_narrow_gap_of_stability_is_not_stepped_over():
 
 
 @pytest.mark.parametrize("name", ["leapfrog", "rk4", "pefrl"])
+@pytest.mark.sampled(3)
 def test_a_predicted_limit_is_the_one_that_is_seen(name):
     """A chain of nine springs along a line, ends held: linear, ω² = (4D/m) sin²(kπ/18); the mode of k = 8 is the fastest."""
     bodies = [{"body": {"mass": 1, "position": [float(k), 0, 0], "free": [0 < k < 9, False, False]}} for k in range(10)]

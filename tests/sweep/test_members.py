@@ -88,6 +88,7 @@ def test_a_member_moves_as_the_scene_does_by_itself(varied, method):
         assert row.values[5] == row.time and row.values[6] == row.steps
 
 
+@pytest.mark.sampled(3)
 def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
     store = sweep(KEPLER, vary=VARIED["all"], measure=MEASURES)
     together = bits(rows_of(store))
@@ -120,6 +121,7 @@ def test_a_member_may_end_where_its_motion_is_found_to_be_chaotic():
         assert row.status == "ok" or "fli = " in row.reason and row.time < 5
 
 
+@pytest.mark.sampled(3)
 def test_a_bench_that_was_used_before_gives_the_same_bits():
     store = sweep(KEPLER, vary=VARIED["masses"], measure=MEASURES)
     bench = Bench(MemberDevice("cpu", "f64", 1))
@@ -188,6 +190,7 @@ def test_a_member_that_the_scene_refuses_is_a_row():
     assert "-1" in rows[1].reason and "at least 0" in rows[1].reason
 
 
+@pytest.mark.sampled(3)
 def test_members_of_other_structures_run_in_one_sweep():
     scene = {**KEPLER, "constants": {**KEPLER["constants"], "count": 2}}
     scene["particles"] = [
@@ -217,6 +220,7 @@ GAS = {
 }
 
 
+@pytest.mark.sampled(3)
 def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
     store = sweep(GAS)
     for row, values in zip(rows_of(store), store.plan.values(range(3))):
@@ -230,6 +234,7 @@ def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
 
 
 @pytest.mark.parametrize("precision", ["f32", "f32c", "ds"])
+@pytest.mark.sampled(3)
 def test_other_precisions(precision):
     store = sweep(KEPLER, precision=precision, measure=MEASURES)
     exact = rows_of(sweep(KEPLER, measure=MEASURES))
@@ -238,6 +243,7 @@ def test_other_precisions(precision):
         assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=math.sqrt(3 * 500) * 6e-8 * 100)
 
 
+@pytest.mark.sampled(3)
 def test_on_software_vulkan(software_vulkan):
     store = sweep(KEPLER, precision="f32", backend="vulkan", measure=MEASURES)
     for row, right in zip(rows_of(store), rows_of(sweep(KEPLER, measure=MEASURES))):
@@ -287,6 +293,7 @@ def test_each_member_has_springs_of_its_own(method):
     assert len({row.values[0] for row in rows}) == 6 + 1
 
 
+@pytest.mark.sampled(3)
 def test_a_spring_that_is_too_stiff_for_the_step_is_refused_for_its_member_alone():
     rows = rows_of(sweep(CHAIN, vary={"constants.stiffness": [40, 1e6, 90]}))
     assert [row.status for row in rows] == ["ok", "refused", "ok"] and "step" in rows[1].reason

@@ -62,6 +62,7 @@ def whole(tmp_path_factory):
         os.chdir(before)
 
 
+@pytest.mark.sampled(3)
 def test_the_table_has_a_row_for_each_member_with_all_digits(whole):
     rows = list(csv.DictReader(table(whole).decode().splitlines()))
     results = mpp.open_sweep(whole)
@@ -92,6 +93,7 @@ def test_a_member_of_the_table_is_the_scene_by_itself(whole):
         results.member(54)
 
 
+@pytest.mark.sampled(3)
 def test_processes_parts_and_chunks_give_the_same_table(scene, whole):
     assert sweep("--workers", "2", "--chunk", "5", "--out", "a") == 0
     assert table("a") == table(whole)
@@ -100,6 +102,7 @@ def test_processes_parts_and_chunks_give_the_same_table(scene, whole):
     assert table("b") == table(whole)
 
 
+@pytest.mark.sampled(3)
 def test_parts_that_are_missing_are_told(scene, capsys):
     assert main(["sweep", "s.yaml", "--part", "1/2"]) == 0
     assert "missing" in capsys.readouterr().out and not Path("out/s.sweep/members.csv").exists()
@@ -107,6 +110,7 @@ def test_parts_that_are_missing_are_told(scene, capsys):
     assert table()
 
 
+@pytest.mark.sampled(3)
 def test_the_same_command_does_only_what_is_missing(scene, capsys):
     assert main(["sweep", "s.yaml", "--json", "--chunk", "9"]) == 0
     first = json.loads(capsys.readouterr().out)
@@ -123,6 +127,7 @@ def test_the_same_command_does_only_what_is_missing(scene, capsys):
     assert all(path.stat().st_mtime_ns == times[path] for path in kept)
 
 
+@pytest.mark.sampled(3)
 def test_another_sweep_in_the_folder_begins_anew_and_keeps_what_it_shares(scene, capsys):
     assert sweep() == 0
     before = table()
@@ -148,6 +153,7 @@ def test_a_sweep_that_was_killed_goes_on_to_the_same_bits(scene, whole, seed):
     assert not [path for path in Path("out/s.sweep/chunks").iterdir() if path.suffix not in (".npz", ".part")]
 
 
+@pytest.mark.sampled(3)
 def test_an_interruption_ends_within_two_seconds_and_keeps_what_is_done(scene, whole):
     words = [
         sys.executable,
@@ -205,6 +211,7 @@ def test_a_name_that_the_sweep_lacks_and_a_folder_without_a_sweep_are_refused(wh
         mpp.open_sweep(tmp_path / "x")
 
 
+@pytest.mark.sampled(3)
 def test_workers_of_dask_give_the_same_table(scene, whole):
     pytest.importorskip("distributed")
     words = [sys.executable, "-m", "mpp_taichi", "sweep", "s.yaml", "--quiet", "--chunk", "6", "--dask", "local:2"]
@@ -213,6 +220,7 @@ def test_workers_of_dask_give_the_same_table(scene, whole):
     assert table() == table(whole)
 
 
+@pytest.mark.sampled(3)
 def test_the_script_for_slurm_runs_every_part(scene, whole, capfd):
     assert main(["sweep", "s.yaml", "--slurm", "3", "--quiet"]) == 0
     script = capfd.readouterr().out
@@ -244,6 +252,7 @@ def test_parquet_has_the_rows_of_the_table(whole):
     assert [float(row["distance"]) for row in rows] == read["distance"] and [row["status"] for row in rows] == read["status"]
 
 
+@pytest.mark.sampled(3)
 def test_parts_that_run_at_the_same_time_disturb_each_other_not(scene, whole):
     words = [sys.executable, "-m", "mpp_taichi", "sweep", "s.yaml", "--quiet", "--workers", "1", "--chunk", "6"]
     parts = [subprocess.Popen([*words, "--part", f"{k}/3"], stderr=subprocess.PIPE, text=True) for k in (1, 2, 3)]

@@ -124,6 +124,7 @@ def test_a_seed_draws_the_same_mutants_again_and_each_once(tree):
 
 
 @pytest.mark.parametrize("tests, outcomes", [("test_good.py", {"killed"}), ("test_bad.py", {"survived"})])
+@pytest.mark.sampled(3)
 def test_killed_and_survived_are_told_rightly(tree, tests, outcomes):
     """The possible mutants are a factor and a sign of the mean square: the good test sees both, the bad test neither."""
     (tree / "tiny" / "squares.py").write_text('"""One."""\n\n\ndef mean_square(a, b):\n    return (a * a + b * b) / 2\n')

@@ -57,6 +57,7 @@ def test_an_error_is_planted_in_every_place_of_its_effect():
     assert not list(plant_errors.errors_of_contacts(sticky, 0.5))
 
 
+@pytest.mark.sampled(3)
 def test_scenes_notice_two_planted_errors_of_the_day(request):
     """Drawn by the seed of the tests; without an error the scenes pass, which the tests of scenes see."""
     for scene, effect, settings in random.Random(request.config.getoption("--seed")).sample(PLANTS, 2):

@@ -24,6 +24,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.sampled(3)
 def test_no_page_and_no_style_fetches_from_another_place(site):
     pages = list(site.rglob("*.html"))
     assert len(pages) > 150

@@ -12,6 +12,7 @@ PROGRAMS = sorted(path for path in TOOLS.rglob("*.py") if '__name__ == "__main__
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+@pytest.mark.sampled(3)
 def test_a_tool_says_its_options(path):
     done = subprocess.run([sys.executable, str(path), "--help"], capture_output=True, text=True, cwd=path.parents[-2])
     assert done.returncode == 0, done.stderr

@@ -42,6 +42,7 @@ BESIDE = [each for each in cases() if each.group == "other_codes"]
 
 
 @pytest.mark.parametrize("case", BESIDE, ids=lambda case: case.name)
+@pytest.mark.sampled(3)
 def test_a_scene_is_as_in_another_code_or_the_row_says_what_is_missing(case):
     result = examine(case, Place("cpu", "f64"))
     if is_absent("heyoka") and case.name == "taylor_is_heyokas":

@@ -94,6 +94,7 @@ def test_a_crash_fails_its_own_row_and_the_next_case_has_a_new_process(planted):
     assert "status 9" in results[1].reason and "the driver fell over" in results[1].reason
 
 
+@pytest.mark.sampled(3)
 def test_a_case_without_an_answer_is_ended(planted, monkeypatch):
     monkeypatch.setattr(examination, "LONGEST_SECONDS", 3.0)
     questions = [(made(name), HERE) for name in ("sleeps", "last")]
@@ -122,6 +123,7 @@ def test_an_examination_that_was_cut_off_asks_only_the_rest(planted):
     assert (planted / "asked").read_text().split() == ["last"]
 
 
+@pytest.mark.sampled(3)
 def test_the_verb_writes_a_table_a_page_and_json(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     code = main(["verify", "--backend", "cpu", "--precision", "f64,ds", "--only", "gravity_of_2,head_on", "--json"])
@@ -161,6 +163,7 @@ def test_the_list_names_every_case(capsys):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.sampled(3)
 def test_a_signal_ends_the_workers_too(tmp_path):
     command = [sys.executable, "-m", "mpp_taichi", "verify", "--backend", "cpu", "--only", "orders"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
@@ -174,6 +177,7 @@ def test_a_signal_ends_the_workers_too(tmp_path):
     assert not any(os.path.exists(f"/proc/{each}") for each in workers)
 
 
+@pytest.mark.sampled(3)
 def test_a_wrong_force_and_a_wrong_orbit_are_seen(monkeypatch):
     """The answers are shifted a little in place of the program's; each bound must be smaller than the shift."""
     (two,) = [case for case in forces.GRAVITY if case.name == "gravity_of_2"]

@@ -90,6 +90,7 @@ def in_window(process, server):
 
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize(("number", "before"), [(signal.SIGKILL, ""), (signal.SIGTERM, ""), (signal.SIGKILL, PAUSED)])
+@pytest.mark.sampled(3)
 def test_a_run_whose_display_goes_away_keeps_its_state_and_its_files(server, folder, number, before):
     process = begin(server.name, FILES, before)
     in_window(process, server)

@@ -23,6 +23,7 @@ sys.exit(main(["run", "--backend", "cpu"]))
 
 
 @pytest.mark.timeout(120)
+@pytest.mark.sampled(3)
 def test_a_scene_opens_from_a_window_that_has_none(display, tmp_path):
     (tmp_path / "a_faulty.yaml").write_text("title: Faulty\nparticle: []\n", encoding="utf-8")
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(scene("One", GREEN), sort_keys=False), encoding="utf-8")

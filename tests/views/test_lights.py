@@ -54,6 +54,7 @@ def _expected(x: float, y: float, lights: list) -> np.ndarray:
     return np.minimum(total, 1.0)
 
 
+@pytest.mark.sampled(3)
 def test_two_suns_light_two_halves_in_their_colors_and_both_add_up() -> None:
     frame = frame_of([[0, 0, 0], [1e4, 0, 0], [0, 1e4, 0]], [1.0, 1.0, 1.0], [(1, 1, 1), RED, BLUE])
     light = _light(frame, view_spec(PARALLEL, bodies={(1, 1): SUN, (2, 1): SUN}, ambient=AMBIENT))

@@ -59,6 +59,7 @@ def _at(light: np.ndarray, x: float, y: float) -> float:
     return float(light[round(79.5 - 20 * y), round(79.5 + 20 * x)])
 
 
+@pytest.mark.sampled(3)
 def test_a_ring_lets_light_pass_by_its_opacity_and_its_slant(cpu) -> None:
     white = (1.0, 1.0, 1.0)
     face_on = _light(RING, light=AWAY, background=white)
@@ -225,6 +226,7 @@ def _with_everything():
     return frame, view_spec(camera, bodies={(0, 1): planet}, light=lights)
 
 
+@pytest.mark.sampled(3)
 def test_all_parts_of_a_picture_are_the_same_on_vulkan(cpu, software_vulkan) -> None:
     """CPUs draw by rows and here in a runtime of double precision, Vulkan by pixels and in single precision."""
     frame, spec = _with_everything()

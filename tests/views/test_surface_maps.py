@@ -58,6 +58,7 @@ def _light(body: BodyViewSpec, color=BLACK, camera=PARALLEL, time=0.0, **others)
 # Lights at night
 
 
+@pytest.mark.sampled(3)
 def test_lights_at_night_are_seen_where_it_is_dark_and_fade_over_the_terminator(cpu, tmp_path) -> None:
     black = TextureSpec(file=_saved(tmp_path, "black.png", np.zeros((32, 64, 3))))
     night = NightSpec(file=_saved(tmp_path, "white.png", np.full((32, 64, 3), 255)), brightness=0.5)
@@ -286,6 +287,7 @@ def test_faults_of_maps_are_told_with_their_place(tmp_path, view: str, fault: st
 # Last, since it starts a runtime of its own
 
 
+@pytest.mark.sampled(3)
 def test_only_the_maps_that_a_view_asks_for_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     from mpp_taichi.views import _surface_shading
 

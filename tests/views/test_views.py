@@ -153,6 +153,7 @@ def test_tiles_change_nothing(cpu, monkeypatch: pytest.MonkeyPatch, size: tuple[
 
 
 @pytest.mark.parametrize("camera", [FRONT, PARALLEL])
+@pytest.mark.sampled(3)
 def test_tiles_that_look_for_their_primitives_show_what_pixels_do(cpu, monkeypatch: pytest.MonkeyPatch, camera) -> None:
     """CPUs go through a tile's primitives once, GPUs for each pixel: the same to the last bit, also where a sun glows."""
     from mpp_taichi.views import renderer
@@ -203,6 +204,7 @@ def test_double_precision_of_the_simulation_changes_nothing() -> None:
     np.testing.assert_array_equal(*pictures)
 
 
+@pytest.mark.sampled(3)
 def test_vulkan_draws_the_same(software_vulkan) -> None:
     texture = TextureSpec(pattern="checker")
     bodies = {

@@ -242,6 +242,7 @@ def changed(one: np.ndarray, other: np.ndarray) -> int:
     return int((np.abs(one - other).max(axis=2) > 30).sum())
 
 
+@pytest.mark.sampled(3)
 def test_running_pausing_stepping_and_starting_again(session: Session) -> None:
     still = session.scene()
     assert still.max() > 150 and changed(still, session.scene()) == 0, "paused"
@@ -264,6 +265,7 @@ def test_running_pausing_stepping_and_starting_again(session: Session) -> None:
     assert session.said()[-1] == "end" and session.complaints() == ""
 
 
+@pytest.mark.sampled(3)
 def test_camera_follows_mouse_and_keys(session: Session) -> None:
     first = session.scene()
     for button, right, down in ((1, 80, 40), (3, 60, -30)):
@@ -284,6 +286,7 @@ def test_camera_follows_mouse_and_keys(session: Session) -> None:
     assert session.end() == 0
 
 
+@pytest.mark.sampled(3)
 def test_help_trails_and_picture(session: Session) -> None:
     plain = session.picture()
     session.press("h")
@@ -307,6 +310,7 @@ def test_help_trails_and_picture(session: Session) -> None:
     assert session.end() == 0
 
 
+@pytest.mark.sampled(3)
 def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: str, tmp_path: Path) -> None:
     session = Session(display, tmp_path, 10**9, "with panels")
     try:
@@ -329,6 +333,7 @@ def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: s
 
 
 @pytest.mark.parametrize("look", ["film", "plain"])
+@pytest.mark.sampled(3)
 def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path, look: str) -> None:
     """In the look of films the picture is that of a film, to the last bit, below the status of the window."""
     program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True, sky=sky)")
@@ -383,6 +388,7 @@ def click_close_button(display: str, window: int) -> None:
     x11.XCloseDisplay(connection)
 
 
+@pytest.mark.sampled(3)
 def test_closing_the_window_ends_cleanly(session: Session, display: str) -> None:
     session.press("space")
     session.wait_for(lambda: len(session.said()) > 5)
@@ -391,6 +397,7 @@ def test_closing_the_window_ends_cleanly(session: Session, display: str) -> None
     assert session.said()[-1] == "end"
 
 
+@pytest.mark.sampled(3)
 def test_nothing_is_left_in_the_working_directory(session: Session) -> None:
     time.sleep(5.5)  # the time after which the panel library writes its file while a window is open
     session.press("h")
@@ -399,6 +406,7 @@ def test_nothing_is_left_in_the_working_directory(session: Session) -> None:
     assert {path.name for path in session.folder.iterdir()} <= {"log.txt", "errors.txt", "screen.png"}  # the test's own
 
 
+@pytest.mark.sampled(3)
 def test_error_in_the_simulation_closes_the_window_and_is_seen(display: str, tmp_path: Path) -> None:
     session = Session(display, tmp_path, limit=20)
     try:
@@ -409,11 +417,13 @@ def test_error_in_the_simulation_closes_the_window_and_is_seen(display: str, tmp
         session.close()
 
 
+@pytest.mark.sampled(3)
 def test_interrupt_ends_the_program(session: Session) -> None:
     session.process.send_signal(signal.SIGINT)
     assert session.end() in (1, 130, -signal.SIGINT)
 
 
+@pytest.mark.sampled(3)
 def test_no_display_is_said(tmp_path: Path) -> None:
     environment = {key: value for key, value in ENVIRONMENT.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run(
@@ -424,6 +434,7 @@ def test_no_display_is_said(tmp_path: Path) -> None:
     assert done.returncode == 1 and "BackendError: cannot open a window: there is no display" in done.stderr
 
 
+@pytest.mark.sampled(3)
 def test_dead_display_is_said(tmp_path: Path) -> None:
     if not sys.platform.startswith("linux"):
         pytest.skip("only Linux has programs without a display")

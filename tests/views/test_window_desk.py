@@ -227,6 +227,7 @@ def stone(picture):
     return 440 + float(columns.mean()), float(rows.mean())
 
 
+@pytest.mark.sampled(3)
 def test_a_slider_picking_the_way_back_and_the_log_in_a_real_window(display, tmp_path):
     """The geometry of the camera says where everything must be; a lit sphere's middle is known to a pixel or two."""
     (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")

@@ -110,6 +110,7 @@ def seen(position, look_at, up, points):
 
 
 @pytest.mark.timeout(180)
+@pytest.mark.sampled(3)
 def test_every_other_key_does_what_the_help_says(display, tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
     hand = Hand(display, tmp_path, program=PROGRAM, title="Keys")

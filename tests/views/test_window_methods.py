@@ -131,6 +131,7 @@ def test_a_chosen_method_keeps_all_else_and_its_own_parameters(tmp_path, monkeyp
     assert changed == {"integrator"} and other.resolved["integrator"] == {"leapfrog": {"dt": 0.05}}
 
 
+@pytest.mark.sampled(3)
 def test_a_run_begins_anew_with_the_chosen_method_and_its_log_repeats_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("thrown.yaml").write_text(yaml.safe_dump(SCENE, sort_keys=False), encoding="utf-8")

@@ -207,6 +207,7 @@ def test_a_folder_shows_files_that_convert_reads_and_leads_to_the_scenes_of_the_
 
 
 @pytest.mark.timeout(120)
+@pytest.mark.sampled(3)
 def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(display, tmp_path):
     faulty = scene("Faulty", RED)
     faulty["particles"][0]["body"]["radus"] = 1

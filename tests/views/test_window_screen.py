@@ -121,6 +121,7 @@ class Screen(Hand):
 
 
 @pytest.mark.timeout(120)
+@pytest.mark.sampled(3)
 def test_a_scene_is_announced_and_the_wheel_zooms_in_a_window_on_the_screen(small, tmp_path):
     en_dash = "Maxwell–Boltzmann ü"
     for name, content in {"one": scene("First", GREEN), "two": scene(en_dash, RED)}.items():

@@ -204,6 +204,7 @@ def full_screen(display, session):
 
 
 @pytest.mark.timeout(120)
+@pytest.mark.sampled(3)
 def test_a_window_opens_as_the_last_one_was_left(display, tmp_path):
     """It has the place of the file, and leaves its own place, look and pace behind; trails stay as they are."""
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(scene("One", GREEN), sort_keys=False), encoding="utf-8")

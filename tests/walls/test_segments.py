@@ -61,6 +61,7 @@ def test_the_first_contact_is_found_in_straight_and_in_falling_flight(dimensions
     assert_first_contacts(found.to_numpy(), (x, v, a), END, lambda places, times: gap(wall, places, radius, times), allowed)
 
 
+@pytest.mark.sampled(3)
 def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():
     """On both sides and at an end, in straight flight, and in flight that turns back before or after it has left."""
     backends.start("cpu", "f64")

@@ -34,6 +34,7 @@ def outside(rng, surface):
 
 
 @pytest.mark.parametrize("surface", [PLANE, CYLINDER, SPHERE], ids=lambda surface: surface.kind)
+@pytest.mark.sampled(3)
 def test_the_first_contact_is_found_in_straight_and_in_falling_flight(surface):
     """No contact in steps of 2e-3 is earlier, and at the time found the gap is 0."""
     backends.start("cpu", "f64")
@@ -90,6 +91,7 @@ def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():
 
 @pytest.mark.parametrize("inside", [True, False])
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+@pytest.mark.sampled(3)
 def test_normals_of_curved_walls_are_of_unit_length_and_across_the_axis_however_far_away(kind, inside):
     """Along the axis up to 10⁶ radii away. A normal is rounded by some four units of 2⁻⁵³: see the bounds."""
     backends.start("cpu", "f64")
