@@ -1,8 +1,9 @@
 """Constants, roots, choices and vectors for the formulas of forces, whatever the kind of the numbers is.
 
-Values are plain numbers of the run's precision, except in two cases: double-single numbers (double_single.py) where the forces
-of a state have low parts (precision df64), and dual numbers (dual.py) in the tangent of a step. The functions are Python
-functions that run while a kernel is compiled.
+Values are plain numbers of the run's precision, except in three cases: double-single numbers (double_single.py) where the
+forces of a state have low parts (precision df64), dual numbers (dual.py) in the tangent of a step, and lanes (lanes.py) where
+several copies of a system move together. The last two are the `number_kind` of a state. The functions are Python functions
+that run while a kernel is compiled.
 """
 
 from typing import Any
@@ -11,7 +12,6 @@ import taichi as ti
 
 from mpp_taichi.arithmetic import double_single
 from mpp_taichi.arithmetic.double_single import DoubleSingle
-from mpp_taichi.arithmetic.dual import Dual
 from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
 from mpp_taichi.arithmetic.traced import traced
 
@@ -23,14 +23,14 @@ def in_two_parts(state: Any) -> bool:
 
 def has_plain_numbers(state: Any) -> bool:
     """Whether the numbers of the forces are the plain numbers of Taichi."""
-    return not (state.is_tangent or in_two_parts(state))
+    return state.number_kind is None and not in_two_parts(state)
 
 
 @traced
 def parameter(state: Any, value: Any) -> Any:
     """A parameter of a force, fixed or live, as a number to compute with."""
-    if state.is_tangent:
-        return Dual(ti.cast(value, float))
+    if state.number_kind is not None:
+        return value if isinstance(value, KernelNumber) else state.number_kind(ti.cast(value, float))
     if not in_two_parts(state):
         return ti.cast(value, float)
     if isinstance(value, DoubleSingle):
@@ -48,8 +48,8 @@ def parameter_vector(state: Any, values: Any) -> Any:
 @traced
 def zero_vector(state: Any) -> Any:
     """A vector of zeros, to be added to."""
-    if state.is_tangent:
-        return NumberVector(Dual.zero() for _ in range(state.dimensions))
+    if state.number_kind is not None:
+        return NumberVector(state.number_kind.zero() for _ in range(state.dimensions))
     return double_single.zeros(state) if in_two_parts(state) else ti.Vector.zero(float, state.dimensions)
 
 
@@ -66,8 +66,23 @@ def root(number: Any) -> Any:
 
 
 @traced
+def is_above_zero(number: Any) -> Any:
+    """A condition for `where`: the number is above 0."""
+    return number > 0.0
+
+
+@traced
+def is_not_zero(number: Any) -> Any:
+    """A condition for `where`: the number is not 0."""
+    return number != 0.0
+
+
+@traced
 def where(condition: Any, number: Any, other: Any) -> Any:
-    """The number where a condition holds, else another number; neither needs to be finite where it is not taken."""
+    """The number where a condition holds, else another number; neither needs to be finite where it is not taken.
+
+    A condition comes from `is_above_zero` or `is_not_zero`: a comparison in a kernel would be one number for all lanes.
+    """
     return number.where(condition, other) if isinstance(number, KernelNumber) else ti.select(condition, number, other)
 
 

@@ -1,8 +1,9 @@
 """Numbers of a kernel that have the operators of a number, and vectors of them.
 
 A formula that only adds, subtracts, multiplies and divides is one text for the plain numbers of Taichi and for these numbers:
-double-single numbers of two parts (double_single.py) and dual numbers with a derivative (dual.py). Taichi applies the operators
-of Python, which are the operators of the classes below. For roots, choices and constants a formula calls force_numbers.py.
+double-single numbers of two parts (double_single.py), dual numbers with a derivative (dual.py), and the numbers of several
+copies of a system (lanes.py). Taichi applies the operators of Python, which are the operators of the classes below. For roots,
+choices and constants a formula calls force_numbers.py.
 
 A result is a new local variable of the kernel. `x = y` gives a second name to a number and does not copy it, so a formula must
 not assign to x or y afterwards; results of operators, `zeros` and `copied` may be assigned to.
@@ -18,6 +19,8 @@ class KernelNumber(ABC):
     """A number in a kernel; the kinds of numbers say how two of them are added, multiplied and divided."""
 
     _data_oriented = True  # Taichi passes such objects on as they are
+    written_out = False
+    """Whether a sum over few pairs is written out; it takes longer to compile the more variables a number has."""
 
     @abstractmethod
     def lifted(self, other: Any) -> Any:

@@ -41,7 +41,7 @@ class _Bodies:
     """The part of a State that the sum reads and writes."""
 
     dimensions, total_count = 3, COUNT
-    forces_see_low, forces_have_low, is_tangent = True, True, False
+    forces_see_low, forces_have_low, number_kind = True, True, None
 
     def __init__(self, started: Any, *, guards_rounding: bool) -> None:
         self.guards_rounding = guards_rounding

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
-from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, where, wide_number, zero_vector
+from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, is_not_zero, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
     inverse_root,
@@ -91,20 +91,20 @@ class TotalForce:
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
     def with_pairs_in_turn(self) -> "TotalForce":
-        """The same sum for a state of dual numbers, which takes one pair after the other."""
+        """The same sum for a state of dual numbers or lanes, which takes one pair after the other."""
         result = copy.copy(self)
         if self.has_pairs:
-            from mpp_taichi.neighbors.pairs_in_turn import PairsInTurn  # only for scenes that ask for a tangent
+            from mpp_taichi.neighbors.pairs_in_turn import PairsInTurn  # only where a state has such numbers
 
             result.pair_sum = PairsInTurn(self.pair_sum)
             result.sets_pairs = result.pairs_in_tiles = False
         return result
 
     @traced
-    def at_replica(self, replica):
-        """Say in a kernel over replicas for which of them the forces are evaluated from here on."""
+    def at_replica(self, replica, lanes=1):
+        """Say in a kernel over replicas for which of them the forces are evaluated from here on: one, or as many as `lanes`."""
         if self.live is not None:
-            self.live.at_replica(replica)
+            self.live.at_replica(replica, lanes)
 
     def pair_loops(self, state: Any) -> int:
         """Number of parallel loops over pairs in one sum on the cores of a CPU."""
@@ -266,7 +266,7 @@ class TotalForce:
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
                 for k in ti.static(range(self.dimensions)):
-                    state.acceleration[i][k] = where(state.free[i][k] != 0.0, state.acceleration[i][k], 0.0)
+                    state.acceleration[i][k] = where(is_not_zero(state.free[i][k]), state.acceleration[i][k], 0.0)
                 if ti.static(self.derivatives > 0):
                     state.jerk[i] = ti.select(state.free[i] != 0.0, state.jerk[i], 0.0)
                 if ti.static(self.derivatives > 1):

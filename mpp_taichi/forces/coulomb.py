@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import parameter, where, wide_number
+from mpp_taichi.arithmetic.force_numbers import is_not_zero, parameter, where, wide_number
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
@@ -29,7 +29,7 @@ class Coulomb(InverseSquareForce):
     def response(self, state: Template, i):
         """Charge over mass, −k q_i / m_i, and 0 for a neutral particle even where it has no mass."""
         ratio = -parameter(state, self.coulomb_constant) * state.charge[i] / state.mass[i]
-        return where(state.charge[i] != 0.0, ratio, 0.0)
+        return where(is_not_zero(state.charge[i]), ratio, 0.0)
 
     @ti.func
     def source(self, state: Template, j):

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import root, where, wide_number
+from mpp_taichi.arithmetic.force_numbers import is_above_zero, root, where, wide_number
 from mpp_taichi.arithmetic.particle_update import approach, separation, wide_position, wide_velocity
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
@@ -56,7 +56,7 @@ class Spring(BondForce):
         if ti.static(self.damping == "axial"):
             closing = approach(state, i, j).dot(d)
             along = (tension * length + state.spring_damping[h] * closing) / squared
-        result = where(squared > 0.0, along, 0.0) * d
+        result = where(is_above_zero(squared), along, 0.0) * d
         if ti.static(self.damping == "full"):
             result += state.spring_damping[h] * approach(state, i, j)
         return result
@@ -70,7 +70,7 @@ class Spring(BondForce):
             d = separation(state, i, j)
             squared = d.dot(d)
             along = state.spring_damping[h] * u.dot(d) / squared
-            result = where(squared > 0.0, along, 0.0) * d
+            result = where(is_above_zero(squared), along, 0.0) * d
         return result
 
     @ti.func

@@ -58,7 +58,7 @@ class Integrator:
                          the particles, but each sweep has a launch of its own: one sweep is what counts
     promising_for        kinds of scenes ("encounters", "planets", "stiffness", see accuracy/families.py) in which a study of
                          accuracy tries the method first
-    takes_tangent        the step can be taken with dual numbers, so that its derivative is known (step/tangent_steps.py)
+    takes_any_numbers    the step can be taken with dual numbers and with lanes (arithmetic/kernel_number.py)
     slow_to_compile      takes many times as long to compile as most methods
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
     well_known           whether readers know the method from textbooks, so that plots of a study always show it
@@ -89,7 +89,7 @@ class Integrator:
     flies = False
     takes_sliders = True
     takes_rods = False
-    takes_tangent = False
+    takes_any_numbers = False
     made_for: tuple = ()
     made_for_reason = ""
     orbits_central_body = False

@@ -70,7 +70,7 @@ class RungeKutta(Integrator):
     dense_order = 0
     can_use_tree = True
     takes_low_parts = True
-    takes_tangent = True
+    takes_any_numbers = True
     launchers = Launchers(vectors=True)
     typical_evaluations = 2
 

@@ -60,7 +60,7 @@ class Splitting(Integrator):
     can_use_tree = True
     takes_low_parts = True
     takes_rods = True
-    takes_tangent = True
+    takes_any_numbers = True
     launchers = Launchers(vectors=True)
 
     @property

@@ -33,7 +33,7 @@ class Chin4a(Integrator):
     time_reversible = True
     takes_velocity = False
     takes_low_parts = True
-    takes_tangent = True
+    takes_any_numbers = True
     launchers = Launchers(vectors=True)
     nodes = (0.5, 0.5, 1.0)
 

@@ -382,6 +382,7 @@ class CompiledPhase:
 
     def destroy(self) -> None:
         """Give the device memory back."""
+        self.launcher.destroy()
         self.live.destroy()
         if self.contacts is not None:
             self.contacts.destroy()

@@ -107,7 +107,7 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
     """
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} has" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
-    if not integrator.takes_tangent:
+    if not integrator.takes_any_numbers:
         reasons.insert(0, f"the method {spec.integrator.name} has")
     if carries_low_parts(precision):
         reasons.insert(0, f"steps in {precision} have")

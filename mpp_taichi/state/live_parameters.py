@@ -14,6 +14,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.double_single import DoubleSingle
+from mpp_taichi.arithmetic.lanes import Lanes, vector
 from mpp_taichi.arithmetic.low_parts import split
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.scene.spec import ComponentSpec
@@ -35,6 +36,7 @@ class LiveParameters:
         """Allocate a row for each replica; the first forces were built from the `entries`, one for each."""
         self.replica_count = replica_count
         self._row: tuple[Any, Any] = (None, 0)  # the kernel that was last told its replica, and the number of the replica
+        self._lanes = 1
         self._places: dict[tuple[str, str], int] = {}
         count = 0
         for entry in entries:
@@ -71,9 +73,10 @@ class LiveParameters:
         arrays = split(values) if len(self._fields) > 1 else (values.astype(dtype),)
         bulk_copy.write(self._fields, arrays)
 
-    def at_replica(self, replica: Any) -> None:
-        """Let all loads of the kernel that is being compiled, from here on, take the row of this replica."""
+    def at_replica(self, replica: Any, lanes: int = 1) -> None:
+        """Let all loads of the kernel that is being compiled, from here on, take the row of this replica, or `lanes` rows."""
         self._row = (ti.lang.impl.get_runtime().compiling_callable, replica)
+        self._lanes = lanes
 
     def destroy(self) -> None:
         """Free the memory."""
@@ -103,9 +106,16 @@ class LiveParameters:
             kernel, replica = self._row
             if kernel is not ti.lang.impl.get_runtime().compiling_callable:
                 raise TypeError("a kernel over replicas reads a parameter without `at_replica`")
+            if self._lanes > 1:
+                return self._loaded_lanes(replica, place)
             at = replica * self._values.shape[1] + place
         parts = [ti.lang.impl.subscript(None, field, at) for field in self._fields]
         return DoubleSingle(None, *parts) if len(parts) > 1 else parts[0]
+
+    def _loaded_lanes(self, replica: Any, place: int) -> Lanes:
+        """The numbers of as many replicas as there are lanes; of the last replica where there are fewer."""
+        rows = [ti.min(replica + lane, self.replica_count - 1) for lane in range(self._lanes)]
+        return Lanes(vector(ti.lang.impl.subscript(None, self._fields[0], row * self._values.shape[1] + place) for row in rows))
 
 
 def _with_properties(force: Any, properties: Mapping[str, property]) -> Any:

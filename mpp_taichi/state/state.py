@@ -75,7 +75,7 @@ class State:
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
         self.carries_low = self.velocity_has_low = carries_low_parts(precision)
         self.forces_see_low, self.forces_have_low = forces_see_low_parts(precision), forces_have_low_parts(precision)
-        self.is_tangent = False  # the fields of a TangentState give dual numbers
+        self.number_kind: type | None = None  # of the numbers that the fields give in a kernel: those of Taichi
         self.guards_rounding, self.carries_rest = guards_rounding and self.carries_low, self.forces_have_low
         low = ("position_low", "velocity_low") if self.carries_low else ()
         low += ("position_rest", "velocity_rest") if self.carries_rest else ()

@@ -41,7 +41,7 @@ class DualField:
 class TangentState:
     """A state for kernels whose fields of real numbers give dual numbers, with their changes in the fields `tangent_…`."""
 
-    is_tangent = True
+    number_kind = Dual
 
     def __init__(self, state: Any, velocity: Any = None) -> None:
         """`state` has the fields of `tangent_fields`; `velocity` takes the place of its velocities."""

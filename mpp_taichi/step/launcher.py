@@ -94,6 +94,9 @@ class Launcher(ABC):
     def set_up(self) -> None:  # noqa: B027 — most kinds of step have nothing to do here
         """Keep the values that follow from the parts."""
 
+    def destroy(self) -> None:  # noqa: B027 — most have no memory beside the state
+        """Free the memory of the launcher."""
+
     def prepare(self, time: float, dt: float) -> None:
         """Set everything that the first step expects to find, after the state was set from outside; `dt` is the run's step."""
         self.integrator.adopt(self.state, dt)

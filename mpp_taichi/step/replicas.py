@@ -2,25 +2,66 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.lanes import Lanes
+from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.device.fast_taichi import switch
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.heavy_loops import is_heavy
+from mpp_taichi.state.lane_state import LaneState
 from mpp_taichi.step.launcher import Launcher
 
 INTERLEAVED = 4
-"""Copies of a thread on a CPU, which take each step in turn: while one waits for a root, the processor computes another. On a
-core of a Xeon three bodies take 21 ns a step in place of 37 ns. On a GPU a thread has one copy: other threads fill the wait."""
+"""Copies of a thread on a CPU that has no lanes, which take each step in turn: while one waits for a root, the processor
+computes another. On a GPU a thread has one copy: other threads fill the wait."""
+
+MOST_SCRATCH = 8
+"""Scratch vectors of a method in lanes: with more, as of `dop853`, the compiler takes a minute."""
+
+
+@traced
+def constant(number):
+    """A number of the step that is the same in all lanes."""
+    return Lanes(number)
 
 
 @ti.data_oriented
 class Replicas(Launcher):
-    """The plan of ensembles of a small system."""
+    """The plan of ensembles of a small system.
+
+    On a CPU a vector register has a number of 8 copies where the method, the forces and the precision take any
+    numbers (arithmetic/kernel_number.py). No bit of a copy depends on the copies in the other lanes.
+    """
 
     def set_up(self) -> None:
-        """Choose how many copies a thread has."""
+        """Choose how many copies a thread has, and how."""
         self.together = INTERLEAVED if self.grain > 1 else 1
         self.blocks = -(-self.state.replica_count // self.together)
+        self.lanes: LaneState | None = None
+        if self._may_have_lanes():
+            self.lanes, self.lane_force = LaneState(self.state), self.total_force.with_pairs_in_turn()
+
+    def _may_have_lanes(self) -> bool:
+        """Whether the text of the step can be computed with lanes here, with the bits of plain numbers."""
+        state, force = self.state, self.total_force
+        if self.grain == 1 or not switch.is_on("explicit_vectors") or state.carries_low or force.has_rods:
+            return False
+        if force.pairs_in_tiles or state.own_springs or len(state.scratch) > MOST_SCRATCH:
+            return False
+        if not self.integrator.takes_any_numbers:
+            return False
+        return all(each.takes_any_numbers for each in force.forces)
+
+    def destroy(self) -> None:
+        """Free the memory of the lanes."""
+        if self.lanes is not None:
+            self.lanes.destroy()
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """One kernel for all replicas and steps."""
+        if self.lanes is not None:
+            with explicit_vectors():
+                self._advance_lanes(time, dt, first, last)
+            return
         with self.compiled():
             self._advance(time, dt, first, last)
 
@@ -35,3 +76,15 @@ class Replicas(Launcher):
                         self.total_force.at_replica(replica)
                         first = replica * self.state.particle_count
                         self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")
+
+    @ti.kernel
+    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
+        for q in range(self.lanes.block_count * self.grain):
+            if is_heavy(q, self.grain):
+                block = q // self.grain
+                self.lane_force.at_replica(block * self.lanes.lane_count, self.lanes.lane_count)
+                self.lanes.gather(block)
+                first = block * self.state.particle_count
+                for s in range(begin, end):
+                    self.integrator.step(self.lanes, self.lane_force, first, constant(time + s * dt), constant(dt), "serial")
+                self.lanes.scatter(block)

@@ -7,7 +7,7 @@ from mpp_taichi import Simulation, component
 from mpp_taichi.errors import UnsupportedError
 from scenes import INTEGRATORS, everything, kepler
 
-TAKES_TANGENT = [name for name in INTEGRATORS if component.flag("integrators", name, "takes_tangent")]
+TAKES_TANGENT = [name for name in INTEGRATORS if component.flag("integrators", name, "takes_any_numbers")]
 STEPS = 40
 SHIFT = 2.0**-20  # of the start, along the deviation
 ROUND_OFF = 2.0**-53

@@ -2,7 +2,8 @@
 
     python tools/benchmarks/benchmark_sweep.py [--members 4096] [--steps 4000] [--repeats 5] [--json FILE]
 
-The scene is `kepler16`, leapfrog in f64, from starts at other distances and phases; the same steps with REBOUND's leapfrog
+The scene is `kepler16`, leapfrog in f64, from starts at other distances and phases, without and with the derivative of each
+step, as `megno` needs it; the same steps with REBOUND's leapfrog
 (fixed step, no collisions) in a pool. One and two threads, or processes, in turn in one process; medians of the repeats in
 nanoseconds for a step of a member. REBOUND sums the three pairs by the same formula; its set-up is not counted.
 
@@ -37,11 +38,12 @@ def starts(members):
     return found, found[0].mass, np.stack([each.position for each in found]), np.stack([each.velocity for each in found])
 
 
-def ours(found, threads):
-    """A launch of so many steps of all replicas, as a function."""
+def ours(found, threads, *, tangent=False):
+    """A launch of so many steps of all replicas, as a function; with the derivative of each step where `tangent`."""
     from mpp_taichi import Simulation
 
-    simulation = Simulation("kepler16", backend="cpu", precision="f64", replica_starts=found, threads=threads)
+    asked = {"+expect.megno.above": 0} if tangent else {}
+    simulation = Simulation("kepler16", backend="cpu", precision="f64", replica_starts=found, threads=threads, overrides=asked)
     simulation.try_steps(1, judged=False)
 
     def run(steps):
@@ -122,16 +124,19 @@ def measure_steps(members, steps, repeats):
     rows = {}
     for count in (1, 2):
         run, simulation = ours(found, count)
+        with_tangent, other = ours(found, count, tangent=True)
         pool = Pool(count, mass, position, velocity, strength)
-        times = {f"replicas, {count} threads": [], f"REBOUND, {count} processes": []}
+        named = (f"members, {count} threads", f"members with the tangent, {count} threads", f"REBOUND, {count} processes")
+        times = {name: [] for name in named}
         for _ in range(repeats):
-            for name, do in zip(times, (run, pool.run)):
+            for name, do in zip(times, (run, with_tangent, pool.run)):
                 began = time.perf_counter()
                 do(steps)
                 times[name].append((time.perf_counter() - began) / steps / members * 1e9)
         rows |= {name: float(np.median(each)) for name, each in times.items()}
         pool.close()
         simulation.close()
+        other.close()
     return rows
 
 

@@ -1,0 +1,142 @@
+"""Lane state: the fields of many copies of a system as lanes, so that one text of a step moves several copies at once.
+
+A block is as many copies as a vector has lanes. Before a launch the numbers of a block are gathered, the entry of each copy
+beside the entries of the others, and after it they are scattered again. The last block is filled up with its last copy.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.arithmetic.kernel_number import NumberVector
+from mpp_taichi.arithmetic.lanes import LANES, Lanes, vector
+from mpp_taichi.state.field_group import FieldGroup
+
+MOVED = ("position", "velocity", "acceleration")
+CONSTANT = ("mass", "charge")
+"""Numbers that each copy has of its own, and a step does not change."""
+
+
+class LaneField:
+    """In a kernel `field[i]` are the lanes of particle i of a block, or a vector of them, which may be assigned to."""
+
+    _data_oriented = True  # Taichi passes such objects on as they are
+
+    def __init__(self, field: Any, components: int) -> None:
+        """`field` is a vector field of lanes with an entry for each component of each particle; `components` 0: a scalar."""
+        self.lanes = [field.get_scalar_field(lane) for lane in range(field.n)]
+        self.n = components
+
+    def __getitem__(self, i: Any) -> Any:
+        """Entry i in a kernel."""
+        return self._number(i) if self.n == 0 else NumberVector(self._number(i * self.n + k) for k in range(self.n))
+
+    def _number(self, at: Any) -> Lanes:
+        at = ti.lang.impl.expr_init(at)
+        entries = [_entry(lane, at) for lane in self.lanes]
+        return Lanes(vector(entries), entries)
+
+
+class SharedField:
+    """In a kernel `field[i]` is a number, or a vector of numbers, that all copies share."""
+
+    _data_oriented = True
+
+    def __init__(self, field: Any) -> None:
+        """Name the field of plain numbers, whose first copy is read."""
+        self.field = field
+
+    def __getitem__(self, i: Any) -> Any:
+        """Entry i in a kernel."""
+        entry = _entry(self.field, i)
+        if not isinstance(self.field, ti.MatrixField):
+            return Lanes(entry)
+        return NumberVector(Lanes(_entry(entry, k)) for k in range(self.field.n))
+
+
+@ti.data_oriented
+class LaneState:
+    """A state for kernels whose fields of real numbers give lanes."""
+
+    number_kind = Lanes
+
+    def __init__(self, state: Any) -> None:
+        """Allocate the lanes of the fields of a state."""
+        self._state, self.lane_count = state, LANES
+        self.block_count = -(-state.replica_count // self.lane_count)
+        entries = self.block_count * state.particle_count
+        self._constant = tuple(name for name in CONSTANT if name in state.quantities)
+        names = (*MOVED, *(f"scratch_{k}" for k in range(len(state.scratch))))
+        made = {name: ti.Vector.field(self.lane_count, float) for name in (*names, *self._constant)}
+        self._memory = FieldGroup(
+            *((entries * (1 if name in self._constant else state.dimensions), field) for name, field in made.items())
+        )
+        self._fields = {
+            name: LaneField(field, 0 if name in self._constant else state.dimensions) for name, field in made.items()
+        }
+        self.scratch = tuple(self._fields[f"scratch_{k}"] for k in range(len(state.scratch)))
+        self.moving_as_scratch = tuple(LaneStateMovingAs(self, each) for each in self.scratch)
+
+    def __getattr__(self, name: str) -> Any:
+        """A field as lanes; all else as the state has it."""
+        if name.startswith("__") or "_fields" not in vars(self):
+            raise AttributeError(name)
+        if name in self._fields:
+            return self._fields[name]
+        found = getattr(self._state, name)
+        return SharedField(found) if isinstance(found, (ti.ScalarField, ti.MatrixField)) and _is_real(found) else found
+
+    def destroy(self) -> None:
+        """Free the memory."""
+        self._memory.destroy()
+
+    @ti.func
+    def gather(self, block):
+        """Copy the numbers of a block into the lanes."""
+        for lane in ti.static(range(self.lane_count)):
+            copy = ti.min(block * self.lane_count + lane, self._state.replica_count - 1)
+            for i in range(self._state.particle_count):
+                source, target = copy * self._state.particle_count + i, block * self._state.particle_count + i
+                for plain, lanes in ti.static(self._fields_of(MOVED, lane)):
+                    for k in ti.static(range(self._state.dimensions)):
+                        lanes[target * self._state.dimensions + k] = plain[source][k]
+                for plain, lanes in ti.static(self._fields_of(self._constant, lane)):
+                    lanes[target] = plain[source]
+
+    @ti.func
+    def scatter(self, block):
+        """Copy the lanes of a block back."""
+        for lane in ti.static(range(self.lane_count)):
+            copy = block * self.lane_count + lane
+            if copy < self._state.replica_count:
+                for i in range(self._state.particle_count):
+                    source, target = block * self._state.particle_count + i, copy * self._state.particle_count + i
+                    for plain, lanes in ti.static(self._fields_of(MOVED, lane)):
+                        for k in ti.static(range(self._state.dimensions)):
+                            plain[target][k] = lanes[source * self._state.dimensions + k]
+
+    def _fields_of(self, names: tuple[str, ...], lane: int) -> list[tuple[Any, Any]]:
+        """The fields of the state and of one lane."""
+        return [(getattr(self._state, name), self._fields[name].lanes[lane]) for name in names]
+
+
+class LaneStateMovingAs:
+    """The same fields with another field as velocity: the state that forces see on the way through a step."""
+
+    number_kind = Lanes
+
+    def __init__(self, state: LaneState, velocity: LaneField) -> None:
+        """Name both."""
+        self._state, self.velocity = state, velocity
+
+    def __getattr__(self, name: str) -> Any:
+        """All else as the state has it."""
+        return getattr(self._state, name)
+
+
+def _is_real(field: Any) -> bool:
+    return field.dtype in (ti.f32, ti.f64)
+
+
+def _entry(field: Any, i: Any) -> Any:
+    return ti.lang.impl.subscript(None, field, i)

@@ -1,0 +1,90 @@
+"""Copies of a system in the lanes of vector registers: each has the bits that it has without lanes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mpp_taichi import Simulation, component, load_scene
+from mpp_taichi.start.assemble import assemble
+from mpp_taichi.step.replicas import Replicas
+from scenes import INTEGRATORS, everything, kepler
+
+METHODS = [name for name in INTEGRATORS if component.flag("integrators", name, "takes_any_numbers") and name != "dop853"]
+STEPS = 20
+pytestmark = pytest.mark.fast_taichi("explicit_vectors")
+
+
+def starts(scene, count):
+    """Starts that differ in places, velocities, masses and charges."""
+    start, draw = assemble(load_scene(scene)), np.random.default_rng(3)
+
+    def shifted(values, free=1.0):
+        return values * (1 + 0.1 * draw.uniform(-1, 1, values.shape) * free)
+
+    return [
+        replace(
+            start,
+            position=shifted(start.position, start.free),
+            velocity=shifted(start.velocity, start.free),
+            mass=shifted(start.mass),
+            charge=shifted(start.charge),
+        )
+        for _ in range(count)
+    ]
+
+
+def ends(scene, found, *, precision="f64", launches=(STEPS,), threads=1):
+    options = {"backend": "cpu", "precision": precision, "plan": "replicas", "threads": threads}
+    with Simulation(scene, **options, replica_starts=tuple(found)) as simulation:
+        simulation.phase.place(simulation.start, simulation.dt)
+        for steps in launches:
+            simulation.try_steps(steps, judged=False)
+        return np.concatenate(simulation.state.read_replicas()), simulation.phase.launcher.lanes is not None
+
+
+def without_lanes(monkeypatch):
+    monkeypatch.setattr(Replicas, "_may_have_lanes", lambda self: False)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.sampled(12)
+def test_lanes_change_no_bit(name, precision, monkeypatch):
+    scene = everything(integrator=name)
+    found = starts(scene, 19)
+    in_lanes, has_lanes = ends(scene, found, precision=precision)
+    without_lanes(monkeypatch)
+    plain, has_none = ends(scene, found, precision=precision)
+    assert has_lanes and not has_none
+    np.testing.assert_array_equal(in_lanes, plain)
+    assert np.isfinite(plain).all() and (np.abs(np.diff(plain, axis=0)) > 0).any()
+
+
+@pytest.mark.parametrize("count", [2, 8, 17])
+def test_bits_do_not_depend_on_the_other_lanes_on_launches_or_on_threads(count):
+    scene = kepler()
+    found = starts(scene, 17)
+    whole, _ = ends(scene, found)
+    some, has_lanes = ends(scene, found[17 - count :], launches=(3, 1, STEPS - 4), threads=2)
+    assert has_lanes
+    np.testing.assert_array_equal(some, whole.reshape(2, 17, *whole.shape[1:])[:, 17 - count :].reshape(some.shape))
+
+
+def test_a_copy_that_is_no_number_leaves_the_others_alone():
+    scene = kepler()
+    found = starts(scene, 9)
+    whole, _ = ends(scene, found)
+    found[4] = replace(found[4], velocity=np.full_like(found[4].velocity, np.inf))
+    with np.errstate(invalid="ignore"):
+        broken, _ = ends(scene, found)
+    whole, broken = (each.reshape(2, 9, *each.shape[1:]) for each in (whole, broken))
+    others = np.arange(9) != 4
+    np.testing.assert_array_equal(broken[:, others], whole[:, others])
+    assert not np.isfinite(broken[:, 4]).all()
+
+
+@pytest.mark.parametrize("scene", [kepler(integrator=name) for name in ("implicit_midpoint", "ias15", "dop853")])
+def test_implicit_and_adaptive_methods_and_methods_of_many_stages_have_no_lanes(scene):
+    with Simulation(scene, backend="cpu", plan="replicas", replica_starts=tuple(starts(scene, 9))) as simulation:
+        assert getattr(simulation.phase.launcher, "lanes", None) is None
