@@ -16,6 +16,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_root
 from mpp_taichi.arithmetic.kernel_number import KernelNumber
+from mpp_taichi.arithmetic.lanes import Lanes
 
 
 class Dual(KernelNumber):
@@ -23,38 +24,47 @@ class Dual(KernelNumber):
 
     def __init__(self, value: Any, change: Any = None) -> None:
         """Name one or two expressions; a number that is to be assigned to has two variables or entries of fields."""
-        self.value, self.change = value, change
+        self.value, self.change = self.part(value), change
 
     @staticmethod
-    def zero() -> "Dual":
+    def part(number: Any) -> Any:
+        """A plain number as the value of a dual number."""
+        return number
+
+    @staticmethod
+    def nothing() -> Any:
+        """The value 0, and no change written as a number."""
+        return ti.cast(0.0, float)
+
+    @classmethod
+    def zero(cls) -> "Dual":
         """Zero in new variables, to be added to."""
-        return _kept(ti.cast(0.0, float), ti.cast(0.0, float))
+        return cls(_variable(cls.nothing()), _variable(cls.nothing()))
 
     def lifted(self, other: Any) -> Any:
         """A plain number as a constant."""
-        return other if isinstance(other, Dual) else Dual(other)
+        return other if isinstance(other, Dual) else type(self)(other)
 
     def plus(self, other: Any) -> Any:
         """The sum, and the sum of the changes."""
-        return _kept(self.value + other.value, _sum(self.change, other.change))
+        return self._kept(self.value + other.value, _sum(self.change, other.change))
 
     def minus(self, other: Any) -> Any:
         """The difference, and the difference of the changes."""
         change = self.change if other.change is None else _sum(self.change, -other.change)
-        return _kept(self.value - other.value, change)
+        return self._kept(self.value - other.value, change)
 
     def times(self, other: Any) -> Any:
         """The product, with the change δa b + a δb."""
         mine = None if self.change is None else self.change * other.value
-        return _kept(self.value * other.value, _sum(mine, None if other.change is None else self.value * other.change))
+        return self._kept(self.value * other.value, _sum(mine, None if other.change is None else self.value * other.change))
 
     def over(self, other: Any) -> Any:
         """The quotient q, with the change (δa − q δb)/b."""
-        quotient = ti.lang.impl.expr_init(self.value / other.value)
-        change = self.change
+        quotient, change = _variable(self.value / other.value), self.change
         if other.change is not None:
             change = _sum(change, -(quotient * other.change))
-        return _kept(quotient, None if change is None else change / other.value)
+        return self._kept(quotient, None if change is None else change / other.value)
 
     def accumulated(self, other: Any) -> Any:
         """The sum."""
@@ -63,18 +73,18 @@ class Dual(KernelNumber):
     def where(self, condition: Any, other: Any) -> Any:
         """Self where a condition holds, else other."""
         other = self.lifted(other)
-        changes = [ti.cast(0.0, float) if each.change is None else each.change for each in (self, other)]
-        return _kept(ti.select(condition, self.value, other.value), ti.select(condition, *changes))
+        changes = [self.nothing() if each.change is None else each.change for each in (self, other)]
+        return self._kept(_chosen(condition, self.value, other.value), _chosen(condition, *changes))
 
     def root(self) -> Any:
         """√a, with the change δa/(2√a)."""
-        root = ti.lang.impl.expr_init(ti.sqrt(self.value))
-        return _kept(root, None if self.change is None else 0.5 * self.change / root)
+        root = _variable(self.value.root() if isinstance(self.value, KernelNumber) else ti.sqrt(self.value))
+        return self._kept(root, None if self.change is None else 0.5 * self.change / root)
 
     def inverse_root(self) -> Any:
         """U = 1/√a, with the change −½ u³ δa."""
-        inverse = ti.lang.impl.expr_init(inverse_root(self.value))
-        return _kept(inverse, None if self.change is None else -0.5 * self.change * (inverse * inverse * inverse))
+        inverse = _variable(inverse_root(self.value))
+        return self._kept(inverse, None if self.change is None else -0.5 * self.change * (inverse * inverse * inverse))
 
     @property
     def main(self) -> Any:
@@ -83,16 +93,36 @@ class Dual(KernelNumber):
 
     def copied(self) -> Any:
         """The number in new variables, which may be assigned to."""
-        return _kept(self.value, ti.cast(0.0, float) if self.change is None else self.change)
+        return self._kept(self.value, self.nothing() if self.change is None else self.change)
 
     def __neg__(self) -> Any:
         """−self."""
-        return _kept(-self.value, None if self.change is None else -self.change)
+        return self._kept(-self.value, None if self.change is None else -self.change)
 
     def _assign(self, other: Any) -> None:
         other = self.lifted(other)
         self.value._assign(other.value)
         self.change._assign(0.0 if other.change is None else other.change)
+
+    def _kept(self, value: Any, change: Any) -> "Dual":
+        """A number of the same kind in new variables of the kernel."""
+        return type(self)(_variable(value), None if change is None else _variable(change))
+
+
+class DualLanes(Dual):
+    """A dual number of each of several copies of a system, whose parts are lanes (lanes.py)."""
+
+    written_out = True
+
+    @staticmethod
+    def part(number: Any) -> Any:
+        """A plain number for all copies."""
+        return number if isinstance(number, Lanes) else Lanes(number)
+
+    @staticmethod
+    def nothing() -> Any:
+        """Zero in each lane."""
+        return Lanes.zero()
 
 
 def _sum(a: Any, b: Any) -> Any:
@@ -102,6 +132,10 @@ def _sum(a: Any, b: Any) -> Any:
     return a + b
 
 
-def _kept(value: Any, change: Any) -> Dual:
-    """A number in new variables of the kernel."""
-    return Dual(ti.lang.impl.expr_init(value), None if change is None else ti.lang.impl.expr_init(change))
+def _chosen(condition: Any, a: Any, b: Any) -> Any:
+    return a.where(condition, b) if isinstance(a, KernelNumber) else ti.select(condition, a, b)
+
+
+def _variable(number: Any) -> Any:
+    """A number in a new variable of the kernel, as results of lanes are already."""
+    return number.copied() if isinstance(number, KernelNumber) else ti.lang.impl.expr_init(number)

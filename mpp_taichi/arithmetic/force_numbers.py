@@ -30,7 +30,7 @@ def has_plain_numbers(state: Any) -> bool:
 def parameter(state: Any, value: Any) -> Any:
     """A parameter of a force, fixed or live, as a number to compute with."""
     if state.number_kind is not None:
-        return value if isinstance(value, KernelNumber) else state.number_kind(ti.cast(value, float))
+        return state.number_kind(value if isinstance(value, KernelNumber) else ti.cast(value, float))
     if not in_two_parts(state):
         return ti.cast(value, float)
     if isinstance(value, DoubleSingle):

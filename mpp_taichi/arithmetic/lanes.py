@@ -33,7 +33,7 @@ class Lanes(KernelNumber):
 
     def __init__(self, value: Any, entries: Any = None) -> None:
         """Name a vector, or a plain number; `entries` are the entries of fields from which the vector was read."""
-        self.value, self.entries = value, entries
+        self.value, self.entries = value.value if isinstance(value, Lanes) else value, entries
 
     @staticmethod
     def zero() -> "Lanes":

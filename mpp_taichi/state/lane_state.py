@@ -12,6 +12,7 @@ from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.lanes import LANES, Lanes, vector
 from mpp_taichi.state.field_group import FieldGroup
 
+PREFIX = "tangent_"  # of the fields of changes, see tangent_state.py
 MOVED = ("position", "velocity", "acceleration")
 CONSTANT = ("mass", "charge")
 """Numbers that each copy has of its own, and a step does not change."""
@@ -46,6 +47,11 @@ class SharedField:
         """Name the field of plain numbers, whose first copy is read."""
         self.field = field
 
+    @property
+    def n(self) -> int:
+        """Number of components of a vector."""
+        return int(self.field.n)
+
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
         entry = _entry(self.field, i)
@@ -66,7 +72,10 @@ class LaneState:
         self.block_count = -(-state.replica_count // self.lane_count)
         entries = self.block_count * state.particle_count
         self._constant = tuple(name for name in CONSTANT if name in state.quantities)
-        names = (*MOVED, *(f"scratch_{k}" for k in range(len(state.scratch))))
+        changes = [PREFIX] if PREFIX + MOVED[0] in state.quantities else []
+        self._moved = tuple(prefix + name for prefix in ("", *changes) for name in MOVED)
+        scratch = [f"scratch_{k}" for k in range(len(state.scratch))]
+        names = (*self._moved, *(prefix + name for prefix in ("", *changes) for name in scratch))
         made = {name: ti.Vector.field(self.lane_count, float) for name in (*names, *self._constant)}
         self._memory = FieldGroup(
             *((entries * (1 if name in self._constant else state.dimensions), field) for name, field in made.items())
@@ -97,7 +106,7 @@ class LaneState:
             copy = ti.min(block * self.lane_count + lane, self._state.replica_count - 1)
             for i in range(self._state.particle_count):
                 source, target = copy * self._state.particle_count + i, block * self._state.particle_count + i
-                for plain, lanes in ti.static(self._fields_of(MOVED, lane)):
+                for plain, lanes in ti.static(self._fields_of(self._moved, lane)):
                     for k in ti.static(range(self._state.dimensions)):
                         lanes[target * self._state.dimensions + k] = plain[source][k]
                 for plain, lanes in ti.static(self._fields_of(self._constant, lane)):
@@ -111,9 +120,13 @@ class LaneState:
             if copy < self._state.replica_count:
                 for i in range(self._state.particle_count):
                     source, target = block * self._state.particle_count + i, copy * self._state.particle_count + i
-                    for plain, lanes in ti.static(self._fields_of(MOVED, lane)):
+                    for plain, lanes in ti.static(self._fields_of(self._moved, lane)):
                         for k in ti.static(range(self._state.dimensions)):
                             plain[target][k] = lanes[source * self._state.dimensions + k]
+
+    def fields_of(self, name: str) -> list[Any]:
+        """The fields of the lanes, whose entry (block particle_count + i) dimensions + k is component k of particle i."""
+        return list(self._fields[name].lanes)
 
     def _fields_of(self, names: tuple[str, ...], lane: int) -> list[tuple[Any, Any]]:
         """The fields of the state and of one lane."""

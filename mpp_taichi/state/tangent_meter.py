@@ -6,8 +6,8 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.device import bulk_copy
+from mpp_taichi.state.lane_state import MOVED, PREFIX
 from mpp_taichi.state.tangent_growth import TangentGrowth
-from mpp_taichi.state.tangent_state import PREFIX
 from mpp_taichi.types import Template
 
 SEED = 1  # of the direction of the deviation at the start, the same for every run
@@ -27,7 +27,7 @@ class TangentMeter:
     def __init__(self, state: Any, *, single_logarithm: bool) -> None:
         """`single_logarithm`: the device has the logarithm in f32 only; L is then exact to 10⁻⁶."""
         self.state, self.single_logarithm = state, single_logarithm
-        self.deviation = tuple(getattr(state, PREFIX + name) for name in ("position", "velocity", "acceleration"))
+        self.deviation = tuple(getattr(state, PREFIX + name) for name in MOVED)
         self.sums = {name: getattr(state, PREFIX + name) for name in SUMS}
 
     @staticmethod
@@ -73,18 +73,62 @@ class TangentMeter:
     @ti.func
     def measure(self, replica, dt):
         """Add a step of the length dt to the sums of a replica; called after the step."""
-        squared = self.squared(replica)
-        change = 0.0
-        if squared > 2.0 ** (2 * RANGE_BITS):
-            change = 2.0**-RANGE_BITS
-        elif squared < 2.0 ** (-2 * RANGE_BITS):
-            change = 2.0**RANGE_BITS
+        first = replica * self.state.particle_count
+        squared = ti.cast(0.0, self.state.wide)
+        for i in range(first, first + self.state.particle_count):
+            for field in ti.static(self.deviation[:2]):
+                for k in ti.static(range(self.state.dimensions)):
+                    squared += self.wide_square(field[i][k])
+        factor = self.add(replica, dt, squared)
+        if factor != 1.0:
+            for i in range(first, first + self.state.particle_count):
+                for field in ti.static(self.deviation):
+                    for k in ti.static(range(self.state.dimensions)):
+                        field[i][k] *= ti.cast(factor, float)
+
+    @ti.func
+    def measure_lanes(self, lanes: Template, block, dt):
+        """The same for the copies of a block of a LaneState."""
+        size = ti.static(self.state.particle_count * self.state.dimensions)
+        first = block * size
+        for lane in ti.static(range(lanes.lane_count)):
+            replica = block * lanes.lane_count + lane
+            if replica < self.state.replica_count:
+                squared = ti.cast(0.0, self.state.wide)
+                for i in range(self.state.particle_count):
+                    for field in ti.static(self._of_lane(lanes, lane)[:2]):
+                        for k in ti.static(range(self.state.dimensions)):
+                            squared += self.wide_square(field[first + i * self.state.dimensions + k])
+                factor = self.add(replica, dt, squared)
+                if factor != 1.0:
+                    for entry in range(first, first + size):
+                        for field in ti.static(self._of_lane(lanes, lane)):
+                            field[entry] *= ti.cast(factor, float)
+
+    def _of_lane(self, lanes: Any, lane: int) -> list[Any]:
+        """The fields of the deviation in one lane."""
+        return [lanes.fields_of(PREFIX + name)[lane] for name in MOVED]
+
+    @ti.func
+    def wide_square(self, number):
+        """The square in the widest float of the device."""
+        wide = ti.cast(number, self.state.wide)
+        return wide * wide
+
+    @ti.func
+    def add(self, replica, dt, squared):
+        """Add a step after which |δ|² is `squared` to the sums; the power of two by which δ is to be multiplied."""
+        factor = ti.cast(1.0, self.state.wide)
         growth = self.sums["shift"][replica] + 0.5 * self.logarithm(squared)
-        if change != 0.0 and squared > 0.0:
-            self.rescale(replica, change)
+        if squared > 2.0 ** (2 * RANGE_BITS):
+            factor = 2.0**-RANGE_BITS
+            self.sums["shift"][replica] += ti.static(RANGE_BITS * float(np.log(2.0)))
+        elif squared < 2.0 ** (-2 * RANGE_BITS) and squared > 0.0:
+            factor = 2.0**RANGE_BITS
+            self.sums["shift"][replica] -= ti.static(RANGE_BITS * float(np.log(2.0)))
         before, step = self.sums["growth"][replica], ti.cast(dt, self.state.wide)
         elapsed, integral = self.sums["elapsed"][replica], self.sums["growth_integral"][replica]
-        earlier = 0.0
+        earlier = ti.cast(0.0, self.state.wide)
         if elapsed > 0.0:
             earlier = 2.0 * (before - integral / elapsed)
         elapsed += step
@@ -94,18 +138,7 @@ class TangentMeter:
         self.sums["growth_integral"][replica] = integral
         self.sums["megno_integral"][replica] += 0.5 * step * (earlier + later)
         self.sums["largest_growth"][replica] = ti.max(self.sums["largest_growth"][replica], growth)
-
-    @ti.func
-    def squared(self, replica):
-        """|δ|² of a replica."""
-        result = ti.cast(0.0, self.state.wide)
-        first = replica * self.state.particle_count
-        for i in range(first, first + self.state.particle_count):
-            for field in ti.static(self.deviation[:2]):
-                for k in ti.static(range(self.state.dimensions)):
-                    entry = ti.cast(field[i][k], self.state.wide)
-                    result += entry * entry
-        return result
+        return factor
 
     @ti.func
     def logarithm(self, squared):
@@ -116,14 +149,3 @@ class TangentMeter:
         else:
             result = ti.log(squared)
         return result
-
-    @ti.func
-    def rescale(self, replica, factor: Template):
-        """Multiply δ of a replica by a power of two, which changes no digit of it."""
-        first = replica * self.state.particle_count
-        for i in range(first, first + self.state.particle_count):
-            for field in ti.static(self.deviation):
-                for k in ti.static(range(self.state.dimensions)):
-                    field[i][k] *= ti.cast(factor, float)
-        shift = ti.cast(ti.static(RANGE_BITS * float(np.log(2.0))), self.state.wide)
-        self.sums["shift"][replica] += ti.select(factor < 1.0, shift, -shift)

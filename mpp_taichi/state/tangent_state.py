@@ -4,10 +4,9 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.dual import Dual
+from mpp_taichi.arithmetic.dual import Dual, DualLanes
 from mpp_taichi.arithmetic.kernel_number import NumberVector
-
-PREFIX = "tangent_"
+from mpp_taichi.state.lane_state import PREFIX, LaneField, SharedField
 
 
 def tangent_fields(particle_count: int, scratch_count: int) -> dict[str, tuple[str, int]]:
@@ -21,9 +20,9 @@ class DualField:
 
     _data_oriented = True  # Taichi passes such objects on as they are
 
-    def __init__(self, value: Any, change: Any) -> None:
-        """Name the field of the numbers and the field of their changes; None for numbers that never change."""
-        self.value, self.change = value, change
+    def __init__(self, value: Any, change: Any, kind: type[Dual]) -> None:
+        """Name the field of the numbers and the field of their changes, None for numbers that never change, and their kind."""
+        self.value, self.change, self.kind = value, change, kind
 
     @property
     def n(self) -> int:
@@ -33,19 +32,21 @@ class DualField:
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
         value, change = _entry(self.value, i), None if self.change is None else _entry(self.change, i)
-        if not isinstance(self.value, ti.MatrixField):
-            return Dual(value, change)
-        return NumberVector(Dual(_entry(value, k), None if change is None else _entry(change, k)) for k in range(self.n))
+        if not isinstance(self.value, ti.MatrixField) and not isinstance(value, NumberVector):
+            return self.kind(value, change)
+        return NumberVector(self.kind(_entry(value, k), None if change is None else _entry(change, k)) for k in range(self.n))
 
 
 class TangentState:
-    """A state for kernels whose fields of real numbers give dual numbers, with their changes in the fields `tangent_…`."""
+    """A state for kernels whose fields of real numbers give dual numbers, with their changes in the fields `tangent_…`.
 
-    number_kind = Dual
+    Of a LaneState they give dual numbers of several copies.
+    """
 
     def __init__(self, state: Any, velocity: Any = None) -> None:
         """`state` has the fields of `tangent_fields`; `velocity` takes the place of its velocities."""
         self._state, self._velocity = state, velocity
+        self.number_kind = Dual if state.number_kind is None else DualLanes
         names = range(len(state.scratch))
         self.scratch = tuple(getattr(self, f"scratch_{k}") for k in names)
         self.moving_as_scratch = () if velocity is not None else tuple(TangentState(state, each) for each in self.scratch)
@@ -55,8 +56,9 @@ class TangentState:
         if name == "velocity" and self._velocity is not None:
             return self._velocity
         found = getattr(self._state, name)
-        if isinstance(found, (ti.ScalarField, ti.MatrixField)) and found.dtype in (ti.f32, ti.f64):
-            return DualField(found, getattr(self._state, PREFIX + name, None))
+        is_plain = isinstance(found, (ti.ScalarField, ti.MatrixField)) and found.dtype in (ti.f32, ti.f64)
+        if is_plain or isinstance(found, (LaneField, SharedField)):
+            return DualField(found, getattr(self._state, PREFIX + name, None), self.number_kind)
         return found
 
 

@@ -4,18 +4,15 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.lanes import Lanes
 from mpp_taichi.arithmetic.traced import traced
-from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.state.lane_state import LaneState
+from mpp_taichi.step.lane_choice import may_have_lanes
 from mpp_taichi.step.launcher import Launcher
 
 INTERLEAVED = 4
 """Copies of a thread on a CPU that has no lanes, which take each step in turn: while one waits for a root, the processor
 computes another. On a GPU a thread has one copy: other threads fill the wait."""
-
-MOST_SCRATCH = 8
-"""Scratch vectors of a method in lanes: with more, as of `dop853`, the compiler takes a minute."""
 
 
 @traced
@@ -37,19 +34,8 @@ class Replicas(Launcher):
         self.together = INTERLEAVED if self.grain > 1 else 1
         self.blocks = -(-self.state.replica_count // self.together)
         self.lanes: LaneState | None = None
-        if self._may_have_lanes():
+        if may_have_lanes(self):
             self.lanes, self.lane_force = LaneState(self.state), self.total_force.with_pairs_in_turn()
-
-    def _may_have_lanes(self) -> bool:
-        """Whether the text of the step can be computed with lanes here, with the bits of plain numbers."""
-        state, force = self.state, self.total_force
-        if self.grain == 1 or not switch.is_on("explicit_vectors") or state.carries_low or force.has_rods:
-            return False
-        if force.pairs_in_tiles or state.own_springs or len(state.scratch) > MOST_SCRATCH:
-            return False
-        if not self.integrator.takes_any_numbers:
-            return False
-        return all(each.takes_any_numbers for each in force.forces)
 
     def destroy(self) -> None:
         """Free the memory of the lanes."""

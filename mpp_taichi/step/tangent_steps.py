@@ -2,11 +2,14 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.dual import Dual
+from mpp_taichi.arithmetic.dual import Dual, DualLanes
 from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.heavy_loops import is_heavy
+from mpp_taichi.state.lane_state import LaneState
 from mpp_taichi.state.tangent_state import TangentState
 from mpp_taichi.step.force_sum import SerialForceSum
+from mpp_taichi.step.lane_choice import may_have_lanes
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -14,6 +17,12 @@ from mpp_taichi.step.launcher import Launcher
 def constant(number):
     """A number of the step that does not change along the deviation."""
     return Dual(number)
+
+
+@traced
+def lane_constant(number):
+    """The same in all lanes."""
+    return DualLanes(number)
 
 
 @ti.data_oriented
@@ -26,6 +35,10 @@ class TangentSteps(Launcher):
     def set_up(self) -> None:
         """Build the state of dual numbers, and the force that sums them."""
         self.dual_state, self.dual_force = TangentState(self.state), self.total_force.with_pairs_in_turn()
+        self.lanes: LaneState | None = None
+        if self.state.replica_count > 1 and may_have_lanes(self):
+            self.lanes = LaneState(self.state)
+            self.dual_lanes = TangentState(self.lanes)
         self.dual_sum = SerialForceSum(self.dual_state, grain=self.grain, compiled=self.parts.quickly)
         self.meter = self.parts.tangent_meter
         assert self.meter is not None
@@ -36,10 +49,33 @@ class TangentSteps(Launcher):
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """One kernel for all copies and steps."""
-        if self.state.replica_count == 1:
+        if self.lanes is not None:
+            with explicit_vectors():
+                self._advance_lanes(time, dt, first, last)
+        elif self.state.replica_count == 1:
             self._advance_one(time, dt, first, last)
         else:
             self._advance_all(time, dt, first, last)
+
+    def destroy(self) -> None:
+        """Free the memory of the lanes."""
+        if self.lanes is not None:
+            self.lanes.destroy()
+
+    @ti.kernel
+    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
+        for q in range(self.lanes.block_count * self.grain):
+            if is_heavy(q, self.grain):
+                block = q // self.grain
+                self.dual_force.at_replica(block * self.lanes.lane_count, self.lanes.lane_count)
+                self.lanes.gather(block)
+                first = block * self.state.particle_count
+                for s in range(begin, end):
+                    self.integrator.step(
+                        self.dual_lanes, self.dual_force, first, lane_constant(time + s * dt), lane_constant(dt), "serial"
+                    )
+                    self.meter.measure_lanes(self.lanes, block, dt)
+                self.lanes.scatter(block)
 
     @ti.kernel
     def _advance_one(self, time: float, dt: float, begin: ti.i32, end: ti.i32):

@@ -7,7 +7,7 @@ import pytest
 
 from mpp_taichi import Simulation, component, load_scene
 from mpp_taichi.start.assemble import assemble
-from mpp_taichi.step.replicas import Replicas
+from mpp_taichi.step import replicas, tangent_steps
 from scenes import INTEGRATORS, everything, kepler
 
 METHODS = [name for name in INTEGRATORS if component.flag("integrators", name, "takes_any_numbers") and name != "dop853"]
@@ -44,7 +44,7 @@ def ends(scene, found, *, precision="f64", launches=(STEPS,), threads=1):
 
 
 def without_lanes(monkeypatch):
-    monkeypatch.setattr(Replicas, "_may_have_lanes", lambda self: False)
+    monkeypatch.setattr(replicas, "may_have_lanes", lambda launcher: False)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -59,6 +59,25 @@ def test_lanes_change_no_bit(name, precision, monkeypatch):
     assert has_lanes and not has_none
     np.testing.assert_array_equal(in_lanes, plain)
     assert np.isfinite(plain).all() and (np.abs(np.diff(plain, axis=0)) > 0).any()
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.sampled(12)
+def test_lanes_change_no_bit_of_a_tangent(name, monkeypatch):
+    scene = {**everything(integrator=name), "expect": {"megno": {"above": -1e9}}}
+    found, growths = starts(scene, 11), []
+    for has_lanes in (True, False):
+        if not has_lanes:
+            monkeypatch.setattr(tangent_steps, "may_have_lanes", lambda launcher: False)
+        options = {"backend": "cpu", "precision": "f64", "plan": "replicas", "replica_starts": tuple(found)}
+        with Simulation(scene, **options) as simulation:
+            assert (simulation.phase.launcher.lanes is not None) == has_lanes
+            simulation.try_steps(STEPS, judged=False)
+            growth = simulation.phase.read_tangent()
+            growths.append((growth.growth, growth.megno, *simulation.phase.tangent.read_deviation()))
+    for in_lanes, plain in zip(*growths):
+        np.testing.assert_array_equal(in_lanes, plain)
+        assert len(np.unique(plain)) > 10
 
 
 @pytest.mark.parametrize("count", [2, 8, 17])

@@ -167,7 +167,7 @@ def main():
     print(f"{'contender':24} {'ns for a step of a member':>26}")
     for name, value in rows.items():
         print(f"{name:24} {value:26.1f}")
-    scaling = rows["replicas, 1 threads"] / rows["replicas, 2 threads"] / 2
+    scaling = rows["members, 1 threads"] / rows["members, 2 threads"] / 2
     ratio = rows["REBOUND, 2 processes"] / rows["replicas, 2 threads"]
     print(f"\nREBOUND's time ÷ ours, two processes: {ratio:.2f}; scaling over two threads: {scaling:.2f} of ideal")
     steps = 10 * options.steps
