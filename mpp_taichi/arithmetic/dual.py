@@ -10,6 +10,7 @@ The parts without δ are computed as for plain numbers, so that they have the sa
 of the work. Source: Clifford, Proc. London Math. Soc. 4 (1873) 381; Griewank & Walther, Evaluating Derivatives (2008), §3.1.
 """
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import taichi as ti
@@ -19,31 +20,31 @@ from mpp_taichi.arithmetic.kernel_number import KernelNumber
 from mpp_taichi.arithmetic.lanes import Lanes
 
 
-class Dual(KernelNumber):
-    """A number and its change in a kernel; without a change it is a constant."""
+class DualNumber(KernelNumber, ABC):
+    """A number and its change in a kernel; without a change it is a constant. Subclasses say of what kind both are."""
 
     def __init__(self, value: Any, change: Any = None) -> None:
         """Name one or two expressions; a number that is to be assigned to has two variables or entries of fields."""
         self.value, self.change = self.part(value), change
 
     @staticmethod
+    @abstractmethod
     def part(number: Any) -> Any:
         """A plain number as the value of a dual number."""
-        return number
 
     @staticmethod
+    @abstractmethod
     def nothing() -> Any:
-        """The value 0, and no change written as a number."""
-        return ti.cast(0.0, float)
+        """The value 0, which is also the change of a constant."""
 
     @classmethod
-    def zero(cls) -> "Dual":
+    def zero(cls) -> "DualNumber":
         """Zero in new variables, to be added to."""
         return cls(_variable(cls.nothing()), _variable(cls.nothing()))
 
     def lifted(self, other: Any) -> Any:
         """A plain number as a constant."""
-        return other if isinstance(other, Dual) else type(self)(other)
+        return other if isinstance(other, DualNumber) else type(self)(other)
 
     def plus(self, other: Any) -> Any:
         """The sum, and the sum of the changes."""
@@ -104,12 +105,26 @@ class Dual(KernelNumber):
         self.value._assign(other.value)
         self.change._assign(0.0 if other.change is None else other.change)
 
-    def _kept(self, value: Any, change: Any) -> "Dual":
+    def _kept(self, value: Any, change: Any) -> "DualNumber":
         """A number of the same kind in new variables of the kernel."""
         return type(self)(_variable(value), None if change is None else _variable(change))
 
 
-class DualLanes(Dual):
+class Dual(DualNumber):
+    """A dual number whose parts are plain numbers."""
+
+    @staticmethod
+    def part(number: Any) -> Any:
+        """The number itself."""
+        return number
+
+    @staticmethod
+    def nothing() -> Any:
+        """Zero."""
+        return ti.cast(0.0, float)
+
+
+class DualLanes(DualNumber):
     """A dual number of each of several copies of a system, whose parts are lanes (lanes.py)."""
 
     written_out = True

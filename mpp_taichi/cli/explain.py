@@ -113,6 +113,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
     if found["force_evaluations_per_step"] is None:
         evaluations = "as many force evaluations as each step needs"
+    widest = max(20, *(len(name) + 2 for name in found["fields"]))
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs"
         + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),
@@ -121,7 +122,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields",
-        *(f"           {name:20s}{_bytes(size)}" for name, size in found["fields"].items()),
+        *(f"           {name:{widest}s}{_bytes(size)}" for name, size in found["fields"].items()),
         f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
         *(f"           {row['effect']:20s}{_share(row, ' of it')}" for row in found["shares"]),
         "absent     what each would add to a step",

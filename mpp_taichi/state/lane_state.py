@@ -54,10 +54,9 @@ class SharedField:
 
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
-        entry = _entry(self.field, i)
         if not isinstance(self.field, ti.MatrixField):
-            return Lanes(entry)
-        return NumberVector(Lanes(_entry(entry, k)) for k in range(self.field.n))
+            return Lanes(_entry(self.field, i))
+        return NumberVector(Lanes(_entry(self.field.get_scalar_field(k), i)) for k in range(self.field.n))
 
 
 @ti.data_oriented
@@ -106,10 +105,10 @@ class LaneState:
             copy = ti.min(block * self.lane_count + lane, self._state.replica_count - 1)
             for i in range(self._state.particle_count):
                 source, target = copy * self._state.particle_count + i, block * self._state.particle_count + i
-                for plain, lanes in ti.static(self._fields_of(self._moved, lane)):
+                for components, lanes in ti.static(self._vectors(lane)):
                     for k in ti.static(range(self._state.dimensions)):
-                        lanes[target * self._state.dimensions + k] = plain[source][k]
-                for plain, lanes in ti.static(self._fields_of(self._constant, lane)):
+                        lanes[target * self._state.dimensions + k] = components[k][source]
+                for plain, lanes in ti.static(self._scalars(lane)):
                     lanes[target] = plain[source]
 
     @ti.func
@@ -120,17 +119,25 @@ class LaneState:
             if copy < self._state.replica_count:
                 for i in range(self._state.particle_count):
                     source, target = block * self._state.particle_count + i, copy * self._state.particle_count + i
-                    for plain, lanes in ti.static(self._fields_of(self._moved, lane)):
+                    for components, lanes in ti.static(self._vectors(lane)):
                         for k in ti.static(range(self._state.dimensions)):
-                            plain[target][k] = lanes[source * self._state.dimensions + k]
+                            components[k][target] = lanes[source * self._state.dimensions + k]
 
     def fields_of(self, name: str) -> list[Any]:
         """The fields of the lanes, whose entry (block particle_count + i) dimensions + k is component k of particle i."""
         return list(self._fields[name].lanes)
 
-    def _fields_of(self, names: tuple[str, ...], lane: int) -> list[tuple[Any, Any]]:
-        """The fields of the state and of one lane."""
-        return [(getattr(self._state, name), self._fields[name].lanes[lane]) for name in names]
+    def _vectors(self, lane: int) -> list[tuple[list[Any], Any]]:
+        """The components of each vector of the state, and the field of one lane.
+
+        Explicit vectors reach a component of a vector that is stored as a whole by its scalar field only.
+        """
+        fields = [(getattr(self._state, name), self._fields[name].lanes[lane]) for name in self._moved]
+        return [([plain.get_scalar_field(k) for k in range(plain.n)], lanes) for plain, lanes in fields]
+
+    def _scalars(self, lane: int) -> list[tuple[Any, Any]]:
+        """The fields of numbers that each copy has of its own, and the fields of one lane."""
+        return [(getattr(self._state, name), self._fields[name].lanes[lane]) for name in self._constant]
 
 
 class LaneStateMovingAs:

@@ -20,7 +20,7 @@ class DualField:
 
     _data_oriented = True  # Taichi passes such objects on as they are
 
-    def __init__(self, value: Any, change: Any, kind: type[Dual]) -> None:
+    def __init__(self, value: Any, change: Any, kind: type[Dual] | type[DualLanes]) -> None:
         """Name the field of the numbers and the field of their changes, None for numbers that never change, and their kind."""
         self.value, self.change, self.kind = value, change, kind
 
@@ -46,7 +46,7 @@ class TangentState:
     def __init__(self, state: Any, velocity: Any = None) -> None:
         """`state` has the fields of `tangent_fields`; `velocity` takes the place of its velocities."""
         self._state, self._velocity = state, velocity
-        self.number_kind = Dual if state.number_kind is None else DualLanes
+        self.number_kind: type[Dual] | type[DualLanes] = Dual if state.number_kind is None else DualLanes
         names = range(len(state.scratch))
         self.scratch = tuple(getattr(self, f"scratch_{k}") for k in names)
         self.moving_as_scratch = () if velocity is not None else tuple(TangentState(state, each) for each in self.scratch)

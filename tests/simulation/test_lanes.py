@@ -61,6 +61,27 @@ def test_lanes_change_no_bit(name, precision, monkeypatch):
     assert np.isfinite(plain).all() and (np.abs(np.diff(plain, axis=0)) > 0).any()
 
 
+def without_pairs(**changes):
+    """Springs, a field and an axis that is held; vectors of such a scene are stored as a whole, not by components."""
+    scene = everything(**changes)
+    return {**scene, "forces": [force for force in scene["forces"] if not {"newtonian_gravity", "coulomb"} & force.keys()]}
+
+
+@pytest.mark.parametrize("measured", [{}, {"expect": {"fli": {"below": 1e9}}}], ids=["plain", "tangent"])
+@pytest.mark.parametrize("name", ["leapfrog", "rk4"])
+@pytest.mark.sampled(2)
+def test_lanes_change_no_bit_of_a_scene_without_pairs(name, measured, monkeypatch):
+    scene = {**without_pairs(integrator=name), **measured}
+    found = starts(scene, 9)
+    in_lanes, has_lanes = ends(scene, found)
+    for module in (replicas, tangent_steps):
+        monkeypatch.setattr(module, "may_have_lanes", lambda launcher: False)
+    plain, _ = ends(scene, found)
+    assert has_lanes
+    np.testing.assert_array_equal(in_lanes, plain)
+    assert (plain[:9] != np.stack([each.position for each in found])).any()  # they have moved
+
+
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.sampled(12)
 def test_lanes_change_no_bit_of_a_tangent(name, monkeypatch):
