@@ -168,11 +168,11 @@ def main():
     for name, value in rows.items():
         print(f"{name:24} {value:26.1f}")
     scaling = rows["members, 1 threads"] / rows["members, 2 threads"] / 2
-    ratio = rows["REBOUND, 2 processes"] / rows["replicas, 2 threads"]
+    ratio = rows["REBOUND, 2 processes"] / rows["members, 2 threads"]
     print(f"\nREBOUND's time ÷ ours, two processes: {ratio:.2f}; scaling over two threads: {scaling:.2f} of ideal")
     steps = 10 * options.steps
     members, seconds = measure_verb(options.members, steps)
-    launches = members * steps * rows["replicas, 2 threads"] * 1e-9
+    launches = members * steps * rows["members, 2 threads"] * 1e-9
     share = 1.0 - launches / seconds
     print(f"a sweep of {members:,} members of {steps:,} steps: {seconds:.1f} s")
     print(f"its launches: {launches:.1f} s; all else: {share:.0%}")
