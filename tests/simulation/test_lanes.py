@@ -69,7 +69,7 @@ def without_pairs(**changes):
 
 @pytest.mark.parametrize("measured", [{}, {"expect": {"fli": {"below": 1e9}}}], ids=["plain", "tangent"])
 @pytest.mark.parametrize("name", ["leapfrog", "rk4"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_lanes_change_no_bit_of_a_scene_without_pairs(name, measured, monkeypatch):
     scene = {**without_pairs(integrator=name), **measured}
     found = starts(scene, 9)
@@ -82,15 +82,16 @@ def test_lanes_change_no_bit_of_a_scene_without_pairs(name, measured, monkeypatc
     assert (plain[:9] != np.stack([each.position for each in found])).any()  # they have moved
 
 
-@pytest.mark.parametrize("name", METHODS)
-@pytest.mark.sampled(12)
-def test_lanes_change_no_bit_of_a_tangent(name, monkeypatch):
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("name", ["leapfrog", "velocity_verlet", "rk4", "pefrl", "chin4a"])  # one of each kind of step
+@pytest.mark.sampled(10)
+def test_lanes_change_no_bit_of_a_tangent(name, precision, monkeypatch):
     scene = {**everything(integrator=name), "expect": {"megno": {"above": -1e9}}}
     found, growths = starts(scene, 11), []
     for has_lanes in (True, False):
         if not has_lanes:
             monkeypatch.setattr(tangent_steps, "may_have_lanes", lambda launcher: False)
-        options = {"backend": "cpu", "precision": "f64", "plan": "replicas", "replica_starts": tuple(found)}
+        options = {"backend": "cpu", "precision": precision, "plan": "replicas", "replica_starts": tuple(found)}
         with Simulation(scene, **options) as simulation:
             assert (simulation.phase.launcher.lanes is not None) == has_lanes
             simulation.try_steps(STEPS, judged=False)
