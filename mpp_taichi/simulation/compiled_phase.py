@@ -95,7 +95,7 @@ class CompiledPhase:
         )
         self.has_tangent = bool(tangent_quantities(spec))
         if self.has_tangent:
-            refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision)
+            refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision, plan)
             self.plan = "replicas" if self.replica_count > 1 else "serial"
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:

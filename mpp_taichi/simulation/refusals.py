@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device.backends import Device
-from mpp_taichi.errors import CapacityError, PrecisionError, SceneError, UnsupportedError
+from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
 from mpp_taichi.precision import (
     FARTHEST_PAIR,
     FARTHEST_PAIR_IN_SINGLE,
@@ -99,29 +99,32 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
 
 
-def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str) -> None:
-    """Refuse the quantities that need the tangent of the step where a part of the step does not have it.
+def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str, plan: str) -> None:
+    """Refuse the quantities that need the tangent of the step where a part of the step, or the plan, does not have it.
 
     Raises:
         UnsupportedError: such a part is there.
+        BackendError: the parallel plan is asked for.
     """
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
-    reasons = [f"the force {name} has" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
+    reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
     if not integrator.takes_any_numbers:
-        reasons.insert(0, f"the method {spec.integrator.name} has")
+        reasons.insert(0, f"the method {spec.integrator.name} does")
     if carries_low_parts(precision):
-        reasons.insert(0, f"steps in {precision} have")
+        reasons.insert(0, f"steps in {precision} do")
     if tree_of(spec) is not None:
-        reasons.insert(0, "a tree has")
+        reasons.insert(0, "a tree does")
     if spec.rigid_entries:
-        reasons.insert(0, f"{spec.rods_named} have")
+        reasons.insert(0, f"{spec.rods_named} do")
     if spec.timeline:
-        reasons.insert(0, "a timeline has")
+        reasons.insert(0, "a timeline does")
     if spec.contacts is not None:
-        reasons.insert(0, "collisions have")
+        reasons.insert(0, "collisions do")
+    wanted = " and ".join(tangent_quantities(spec))
     if reasons:
-        wanted = " and ".join(tangent_quantities(spec))
-        raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not")
+        raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not have")
+    if plan == "parallel":
+        raise BackendError(f"{wanted} has no parallel plan; there are serial and replicas")
 
 
 def check_range(start: Snapshot, total_force: Any, precision: str) -> None:

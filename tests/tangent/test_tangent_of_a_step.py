@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, component
-from mpp_taichi.errors import UnsupportedError
+from mpp_taichi.errors import BackendError, UnsupportedError
 from scenes import INTEGRATORS, everything, kepler
 
 TAKES_TANGENT = [name for name in INTEGRATORS if component.flag("integrators", name, "takes_any_numbers")]
@@ -86,12 +86,15 @@ def test_deviations_are_rescaled_without_a_change_of_digits():
 @pytest.mark.parametrize(
     "change, part",
     [
-        ({"integrator": {"ias15": {"dt": 0.1}}}, "the method ias15 has not"),
-        ({"integrator": {"implicit_midpoint": {"dt": 0.1}}}, "the method implicit_midpoint has not"),
-        ({"forces": [{"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1}}]}, "the force harmonic_drive has not"),
-        ({"contacts": {"hard_spheres": {"solver": "pairwise"}}}, "collisions have not"),
-        ({"timeline": [{"at": 0.5, "set": {"forces.newtonian_gravity.strength": 0}}]}, "a timeline has not"),
-        ({"forces": [{"newtonian_gravity": {"solver": "tree"}}]}, "a tree has not"),
+        ({"integrator": {"ias15": {"dt": 0.1}}}, "the method ias15 does not have"),
+        ({"integrator": {"implicit_midpoint": {"dt": 0.1}}}, "the method implicit_midpoint does not have"),
+        (
+            {"forces": [{"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1}}]},
+            "the force harmonic_drive does not have",
+        ),
+        ({"contacts": {"hard_spheres": {"solver": "pairwise"}}}, "collisions do not have"),
+        ({"timeline": [{"at": 0.5, "set": {"forces.newtonian_gravity.strength": 0}}]}, "a timeline does not have"),
+        ({"forces": [{"newtonian_gravity": {"solver": "tree"}}]}, "a tree does not have"),
     ],
 )
 def test_what_has_no_tangent_is_refused_by_name(change, part):
@@ -101,5 +104,10 @@ def test_what_has_no_tangent_is_refused_by_name(change, part):
 
 @pytest.mark.parametrize("precision", ["f32c", "ds"])
 def test_low_parts_have_no_tangent(precision):
-    with pytest.raises(UnsupportedError, match=f"steps in {precision} have not"):
+    with pytest.raises(UnsupportedError, match=f"steps in {precision} do not have"):
         Simulation(with_tangent(kepler()), backend="cpu", precision=precision)
+
+
+def test_the_parallel_plan_has_no_tangent():
+    with pytest.raises(BackendError, match="megno has no parallel plan; there are serial and replicas"):
+        Simulation(with_tangent(kepler()), backend="cpu", plan="parallel")
