@@ -2,7 +2,7 @@
 
     python tools/checks/kill_sweep.py [--kills 100] [--seed 1] [--members 1600] [--longest 8] [--json FILE]
 
-A sweep by two processes, whose members have a MEGNO and extremes, is killed with all its processes (SIGKILL) after a time that
+A sweep by two processes is killed with all its processes (SIGKILL) after a time that
 is drawn between 0 and `--longest` seconds, and begun again by the same command, until it ends by itself. Then the table is
 compared with the table of an undisturbed sweep, and the next sweep begins in a new folder, until there were so many kills. The
 exit code is 1 where two tables differ, or where a sweep leaves a file of another name than an undisturbed one.
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 def command(folder: Path, side: int) -> list[str]:
     """A sweep of side × side members in many chunks."""
     vary = [f"--vary=constants.distance=0.4:1.0:{side}", f"--vary=constants.phase=0:350:{side}"]
-    measures = ["--measure=megno", "--measure=distance: {of: planet, when: largest}", "--measure=end_time"]
+    measures = ["--measure=distance: {of: planet, when: largest}", "--measure=end_time"]
     words = ["sweep", "kepler16", "--set", "run.duration=600", *vary, *measures, "--chunk", "16", "--workers", "2", "--quiet"]
     return [sys.executable, "-m", "mpp_taichi", *words, "--out", str(folder)]
 
