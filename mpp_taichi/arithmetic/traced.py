@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import taichi as ti
 
 Function = TypeVar("Function", bound=Callable)
 
@@ -14,3 +16,8 @@ def traced(function: Function) -> Function:
     """
     vars(function).update(_is_taichi_function=True, _is_real_function=False, func=SimpleNamespace(has_print=False))
     return function
+
+
+def entry_of(field: Any, i: Any) -> Any:
+    """field[i] or vector[i] in a kernel, as a Python function writes it."""
+    return ti.lang.impl.subscript(None, field, i)

@@ -102,14 +102,14 @@ def _flies(spec: SceneSpec) -> bool:
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
     """The scene with one more force, for each force that it does not name, except springs, which need two ends."""
-    variants = []
+    variants, has_tangent = [], bool(tangent_quantities(spec))
     for name in component.names("forces"):
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
-        if tangent_quantities(spec) and not declared.flags.get("takes_any_numbers"):
+        if has_tangent and not declared.flags.get("takes_any_numbers"):
             continue
         if is_pair_force(name) and tree_of(spec) is not None:  # a tree allows no other pair force
             continue

@@ -27,7 +27,7 @@ class Force:
     proportional_to_mass = False  # the acceleration does not depend on the particle's own mass, which may be 0
     proportional_to_charge = False  # acts between charged particles only
     singular_at_zero_distance = False  # infinite between particles at one place, unless a `softening` is above 0
-    takes_any_numbers = False  # the formula is right for double-single and dual numbers too: in df64, and in tangents
+    takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
     has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own
 
 

@@ -226,7 +226,7 @@ class TotalForce:
 
     @ti.func
     def row_sum_in_turn(self, state: Template, first, i, bond: Template, friction: Template):
-        """`row_sum` of double-single and dual numbers, one half-spring after the other."""
+        """`row_sum` of numbers of any kind, one half-spring after the other."""
         total = zero_vector(state)
         for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
             total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)

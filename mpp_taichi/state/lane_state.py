@@ -4,12 +4,14 @@ A block is as many copies as a vector has lanes. Before a launch the numbers of 
 beside the entries of the others, and after it they are scattered again. The last block is filled up with its last copy.
 """
 
+import copy
 from typing import Any
 
 import taichi as ti
 
 from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.lanes import LANES, Lanes, vector
+from mpp_taichi.arithmetic.traced import entry_of
 from mpp_taichi.state.field_group import FieldGroup
 
 PREFIX = "tangent_"  # of the fields of changes, see tangent_state.py
@@ -34,7 +36,7 @@ class LaneField:
 
     def _number(self, at: Any) -> Lanes:
         at = ti.lang.impl.expr_init(at)
-        entries = [_entry(lane, at) for lane in self.lanes]
+        entries = [entry_of(lane, at) for lane in self.lanes]
         return Lanes(vector(entries), entries)
 
 
@@ -55,8 +57,8 @@ class SharedField:
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
         if not isinstance(self.field, ti.MatrixField):
-            return Lanes(_entry(self.field, i))
-        return NumberVector(Lanes(_entry(self.field.get_scalar_field(k), i)) for k in range(self.field.n))
+            return Lanes(entry_of(self.field, i))
+        return NumberVector(Lanes(entry_of(self.field.get_scalar_field(k), i)) for k in range(self.field.n))
 
 
 @ti.data_oriented
@@ -83,11 +85,11 @@ class LaneState:
             name: LaneField(field, 0 if name in self._constant else state.dimensions) for name, field in made.items()
         }
         self.scratch = tuple(self._fields[f"scratch_{k}"] for k in range(len(state.scratch)))
-        self.moving_as_scratch = tuple(LaneStateMovingAs(self, each) for each in self.scratch)
+        self.moving_as_scratch = tuple(moving_as(self, each) for each in self.scratch)
 
     def __getattr__(self, name: str) -> Any:
         """A field as lanes; all else as the state has it."""
-        if name.startswith("__") or "_fields" not in vars(self):
+        if "_fields" not in vars(self):  # a copy that is being made
             raise AttributeError(name)
         if name in self._fields:
             return self._fields[name]
@@ -140,23 +142,12 @@ class LaneState:
         return [(getattr(self._state, name), self._fields[name].lanes[lane]) for name in self._constant]
 
 
-class LaneStateMovingAs:
+def moving_as(state: Any, velocity: Any) -> Any:
     """The same fields with another field as velocity: the state that forces see on the way through a step."""
-
-    number_kind = Lanes
-
-    def __init__(self, state: LaneState, velocity: LaneField) -> None:
-        """Name both."""
-        self._state, self.velocity = state, velocity
-
-    def __getattr__(self, name: str) -> Any:
-        """All else as the state has it."""
-        return getattr(self._state, name)
+    result = copy.copy(state)
+    result.velocity = velocity
+    return result
 
 
 def _is_real(field: Any) -> bool:
     return field.dtype in (ti.f32, ti.f64)
-
-
-def _entry(field: Any, i: Any) -> Any:
-    return ti.lang.impl.subscript(None, field, i)

@@ -6,12 +6,13 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.dual import Dual, DualLanes
 from mpp_taichi.arithmetic.kernel_number import NumberVector
-from mpp_taichi.state.lane_state import PREFIX, LaneField, SharedField
+from mpp_taichi.arithmetic.traced import entry_of
+from mpp_taichi.state.lane_state import MOVED, PREFIX, LaneField, SharedField, moving_as
 
 
 def tangent_fields(particle_count: int, scratch_count: int) -> dict[str, tuple[str, int]]:
     """The work fields of a tangent, by name: kind and count for each replica (see State)."""
-    names = ("position", "velocity", "acceleration", *(f"scratch_{k}" for k in range(scratch_count)))
+    names = (*MOVED, *(f"scratch_{k}" for k in range(scratch_count)))
     return {PREFIX + name: ("vector", particle_count) for name in names}
 
 
@@ -31,10 +32,12 @@ class DualField:
 
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
-        value, change = _entry(self.value, i), None if self.change is None else _entry(self.change, i)
+        value, change = entry_of(self.value, i), None if self.change is None else entry_of(self.change, i)
         if not isinstance(self.value, ti.MatrixField) and not isinstance(value, NumberVector):
             return self.kind(value, change)
-        return NumberVector(self.kind(_entry(value, k), None if change is None else _entry(change, k)) for k in range(self.n))
+        return NumberVector(
+            self.kind(entry_of(value, k), None if change is None else entry_of(change, k)) for k in range(self.n)
+        )
 
 
 class TangentState:
@@ -43,24 +46,19 @@ class TangentState:
     Of a LaneState they give dual numbers of several copies.
     """
 
-    def __init__(self, state: Any, velocity: Any = None) -> None:
-        """`state` has the fields of `tangent_fields`; `velocity` takes the place of its velocities."""
-        self._state, self._velocity = state, velocity
+    def __init__(self, state: Any) -> None:
+        """`state` has the fields of `tangent_fields`."""
+        self._state = state
         self.number_kind: type[Dual] | type[DualLanes] = Dual if state.number_kind is None else DualLanes
-        names = range(len(state.scratch))
-        self.scratch = tuple(getattr(self, f"scratch_{k}") for k in names)
-        self.moving_as_scratch = () if velocity is not None else tuple(TangentState(state, each) for each in self.scratch)
+        self.scratch = tuple(getattr(self, f"scratch_{k}") for k in range(len(state.scratch)))
+        self.moving_as_scratch = tuple(moving_as(self, each) for each in self.scratch)
 
     def __getattr__(self, name: str) -> Any:
         """A field as dual numbers; all else as the state has it."""
-        if name == "velocity" and self._velocity is not None:
-            return self._velocity
+        if "_state" not in vars(self):  # a copy that is being made
+            raise AttributeError(name)
         found = getattr(self._state, name)
         is_plain = isinstance(found, (ti.ScalarField, ti.MatrixField)) and found.dtype in (ti.f32, ti.f64)
         if is_plain or isinstance(found, (LaneField, SharedField)):
             return DualField(found, getattr(self._state, PREFIX + name, None), self.number_kind)
         return found
-
-
-def _entry(field: Any, i: Any) -> Any:
-    return ti.lang.impl.subscript(None, field, i)

@@ -8,6 +8,7 @@ import taichi as ti
 from mpp_taichi.arithmetic.double_single import DoubleSingle
 from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.low_parts import split
+from mpp_taichi.arithmetic.traced import entry_of
 
 
 class TwoPartField:
@@ -35,10 +36,10 @@ class TwoPartField:
 
     def __getitem__(self, i: Any) -> Any:
         """Entry i in a kernel."""
-        high, low = _entry(self.high, i), _entry(self.low, i)
+        high, low = entry_of(self.high, i), entry_of(self.low, i)
         if not isinstance(self.high, ti.MatrixField):
             return DoubleSingle(self.state, high, low)
-        return NumberVector(DoubleSingle(self.state, _entry(high, k), _entry(low, k)) for k in range(self.n))
+        return NumberVector(DoubleSingle(self.state, entry_of(high, k), entry_of(low, k)) for k in range(self.n))
 
     def to_numpy(self) -> np.ndarray:
         """All numbers as float64."""
@@ -49,7 +50,3 @@ class TwoPartField:
         high, low = split(np.asarray(values, np.float64))
         self.high.from_numpy(high)
         self.low.from_numpy(low)
-
-
-def _entry(field: Any, i: Any) -> Any:
-    return ti.lang.impl.subscript(None, field, i)

@@ -2,8 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.lanes import Lanes
-from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.arithmetic.force_numbers import parameter
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.state.lane_state import LaneState
@@ -13,12 +12,6 @@ from mpp_taichi.step.launcher import Launcher
 INTERLEAVED = 4
 """Copies of a thread on a CPU that has no lanes, which take each step in turn: while one waits for a root, the processor
 computes another. On a GPU a thread has one copy: other threads fill the wait."""
-
-
-@traced
-def constant(number):
-    """A number of the step that is the same in all lanes."""
-    return Lanes(number)
 
 
 @ti.data_oriented
@@ -72,5 +65,6 @@ class Replicas(Launcher):
                 self.lanes.gather(block)
                 first = block * self.state.particle_count
                 for s in range(begin, end):
-                    self.integrator.step(self.lanes, self.lane_force, first, constant(time + s * dt), constant(dt), "serial")
+                    now, step = parameter(self.lanes, time + s * dt), parameter(self.lanes, dt)
+                    self.integrator.step(self.lanes, self.lane_force, first, now, step, "serial")
                 self.lanes.scatter(block)

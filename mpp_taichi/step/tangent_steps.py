@@ -2,8 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.dual import Dual, DualLanes
-from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.arithmetic.force_numbers import parameter
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.state.lane_state import LaneState
@@ -11,18 +10,6 @@ from mpp_taichi.state.tangent_state import TangentState
 from mpp_taichi.step.force_sum import SerialForceSum
 from mpp_taichi.step.lane_choice import may_have_lanes
 from mpp_taichi.step.launcher import Launcher
-
-
-@traced
-def constant(number):
-    """A number of the step that does not change along the deviation."""
-    return Dual(number)
-
-
-@traced
-def lane_constant(number):
-    """The same in all lanes."""
-    return DualLanes(number)
 
 
 @ti.data_oriented
@@ -71,9 +58,8 @@ class TangentSteps(Launcher):
                 self.lanes.gather(block)
                 first = block * self.state.particle_count
                 for s in range(begin, end):
-                    self.integrator.step(
-                        self.dual_lanes, self.dual_force, first, lane_constant(time + s * dt), lane_constant(dt), "serial"
-                    )
+                    now, step = parameter(self.dual_lanes, time + s * dt), parameter(self.dual_lanes, dt)
+                    self.integrator.step(self.dual_lanes, self.dual_force, first, now, step, "serial")
                     self.meter.measure_lanes(self.lanes, block, dt)
                 self.lanes.scatter(block)
 
@@ -81,7 +67,8 @@ class TangentSteps(Launcher):
     def _advance_one(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
         ti.loop_config(serialize=True)
         for s in range(begin, end):
-            self.integrator.step(self.dual_state, self.dual_force, 0, constant(time + s * dt), constant(dt), "serial")
+            now, step = parameter(self.dual_state, time + s * dt), parameter(self.dual_state, dt)
+            self.integrator.step(self.dual_state, self.dual_force, 0, now, step, "serial")
             self.meter.measure(0, dt)
 
     @ti.kernel
@@ -92,7 +79,6 @@ class TangentSteps(Launcher):
                 self.dual_force.at_replica(replica)
                 first = replica * self.state.particle_count
                 for s in range(begin, end):
-                    self.integrator.step(
-                        self.dual_state, self.dual_force, first, constant(time + s * dt), constant(dt), "serial"
-                    )
+                    now, step = parameter(self.dual_state, time + s * dt), parameter(self.dual_state, dt)
+                    self.integrator.step(self.dual_state, self.dual_force, first, now, step, "serial")
                     self.meter.measure(replica, dt)
