@@ -26,6 +26,8 @@ class ContactSolver:
     any_frame       whether it reads differences of positions and of velocities only, so that the state may be in a moving frame
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
+    takes_tangent   whether it can carry a small deviation of the spheres through flights and collisions
+    follows_deviation   whether it does, in the fields `tangent_…` of the state; set before `bind`
     forces          the TotalForce that acts on the spheres, or None; set before `bind`
     in_turn         the reason why it needs a single thread, and so the CPU; empty if it needs no single thread
     most_elsewhere  largest number of spheres on other backends than the CPU; None: any number
@@ -42,6 +44,8 @@ class ContactSolver:
     order: int | None = None
     can_log = False
     logs = False
+    takes_tangent = False
+    follows_deviation = False
     in_turn = ""
     most_elsewhere: int | None = None
     forces: Any = None
@@ -77,6 +81,14 @@ class ContactSolver:
 
     def advance(self, begin: float, end: float) -> None:
         """Go on from one time to another."""
+        raise NotImplementedError
+
+    def show_deviation(self, time: float) -> int:
+        """Write the deviation at `time` into the state; how often it was made smaller by RANGE_BITS since the last call."""
+        raise NotImplementedError
+
+    def scale_deviation(self, factor: float) -> None:
+        """Multiply the deviation by a power of two."""
         raise NotImplementedError
 
     def lead(self, time: float, dt: float, first: int, last: int) -> None:

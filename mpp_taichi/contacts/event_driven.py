@@ -10,6 +10,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.collision import Collision
+from mpp_taichi.contacts.events.deviation import Deviation
 from mpp_taichi.contacts.events.grid import Grid
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.contacts.events.log import ContactLog
@@ -57,6 +58,7 @@ class EventDriven(ContactSolver):
     order = 0
     in_turn = "it takes one event after the other from a queue"
     can_log = True
+    takes_tangent = True
     log_capacity = 65_536  # contacts that are logged on the device before the host takes them
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
@@ -77,7 +79,8 @@ class EventDriven(ContactSolver):
         self.queue = EventQueue(self.spheres, lines, builder)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.prediction = Prediction(self.look_ahead, self.walls, lines)
-        self.collision = Collision(self.setup, self.spheres, self.cells, self.walls, builder)
+        self.deviation = Deviation(state, self.spheres, self.walls, lines, builder) if self.follows_deviation else None
+        self.collision = Collision(self.setup, self.spheres, self.cells, self.walls, builder, deviation=self.deviation)
         self.log = ContactLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
@@ -87,7 +90,8 @@ class EventDriven(ContactSolver):
         self.collision.write()
         self.look_ahead.write()
         # Where the queue has an event follows from the times of all events, so that the queue is sorted anew.
-        self._lasting = (*self.spheres.lasting, *self.cells.lasting, *self.queue.lasting, *self.prediction.lasting)
+        parts = (self.spheres, self.cells, self.queue, self.prediction, *([self.deviation] if self.deviation else []))
+        self._lasting = tuple(field for part in parts for field in part.lasting)
         self._saved = MixedFields(self._lasting)
 
     def prepare(self, time: float) -> None:
@@ -100,6 +104,8 @@ class EventDriven(ContactSolver):
         self.cells.write(cell[self._order], turns[self._order])
         self.queue.clear(time, self.count)
         self.event_time[None] = time
+        if self.deviation is not None:
+            self.deviation.read()
 
     def save(self) -> tuple[np.ndarray, ...]:
         """Each sphere at its own time, its cell, and its next event."""
@@ -137,6 +143,17 @@ class EventDriven(ContactSolver):
                     "no longer moves; give contacts a contact_time"
                 )
         self._show(end)
+
+    def show_deviation(self, time: float) -> int:
+        """Write the deviation at `time` into the state; after `advance` to this time."""
+        assert self.deviation is not None
+        scaled: int = self.deviation.show(time)
+        return scaled
+
+    def scale_deviation(self, factor: float) -> None:
+        """Multiply the deviation by a power of two."""
+        assert self.deviation is not None
+        self.deviation.scale(factor)
 
     def sum_fields(self) -> tuple[Any, ...]:
         """Virial, energy and impulses on surfaces."""
@@ -203,6 +220,8 @@ class EventDriven(ContactSolver):
             self.prediction.predict(k, time, side)
             k = other
             other = -1
+        if ti.static(self.follows_deviation):
+            self.deviation.keep_in_range()
         return goes_on
 
     @ti.func

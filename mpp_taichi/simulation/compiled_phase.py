@@ -181,7 +181,7 @@ class CompiledPhase:
         name, parameters = self.spec.contacts.solver.name, self.spec.contacts.solver.parameters
         solver: ContactSolver = component.build("contacts", name, parameters)
         refusals.check_contacts(self.spec, solver, self.particles.particle_count, device=self.device, logs=event_log)
-        solver.logs = event_log
+        solver.logs, solver.follows_deviation = event_log, self.has_tangent
         solver.forces, solver.integrator = self.total_force, self.integrator
         return solver
 

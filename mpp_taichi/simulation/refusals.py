@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
@@ -108,7 +109,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
     """
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
-    if not integrator.takes_any_numbers:
+    flies = spec.contacts is not None and component.flag("contacts", spec.contacts.solver.name, "takes_tangent")
+    if not integrator.takes_any_numbers and not flies:
         reasons.insert(0, f"the method {spec.integrator.name} does")
     if carries_low_parts(precision):
         reasons.insert(0, f"steps in {precision} do")
@@ -118,8 +120,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         reasons.insert(0, f"{spec.rods_named} do")
     if spec.timeline:
         reasons.insert(0, "a timeline does")
-    if spec.contacts is not None:
-        reasons.insert(0, "collisions do")
+    if spec.contacts is not None and not flies:
+        reasons.insert(0, f"collisions of {spec.contacts.solver.name} do")
     wanted = " and ".join(tangent_quantities(spec))
     if reasons:
         raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not have")

@@ -70,9 +70,22 @@ class TangentMeter:
         scale = np.repeat(np.exp(self.sums["shift"].to_numpy().astype(np.float64)), self.state.particle_count)[:, None]
         return position * scale, velocity * scale
 
+    @ti.kernel
+    def measure_alone(self, dt: float, scaled: ti.i32) -> float:
+        """`measure` in a kernel of its own, for one replica whose deviation was `scaled` times divided by 2**RANGE_BITS.
+
+        Returns the factor by which the deviation is multiplied now.
+        """
+        factor = 1.0
+        ti.loop_config(serialize=True)
+        for replica in range(1):
+            self.sums["shift"][replica] += scaled * ti.static(RANGE_BITS * float(np.log(2.0)))
+            factor = ti.cast(self.measure(replica, dt), float)
+        return factor
+
     @ti.func
     def measure(self, replica, dt):
-        """Add a step of the length dt to the sums of a replica; called after the step."""
+        """Add a step of the length dt to the sums of a replica, after the step; the factor that keeps |δ| in its range."""
         first = replica * self.state.particle_count
         squared = ti.cast(0.0, self.state.wide)
         for i in range(first, first + self.state.particle_count):
@@ -85,6 +98,7 @@ class TangentMeter:
                 for field in ti.static(self.deviation):
                     for k in ti.static(range(self.state.dimensions)):
                         field[i][k] *= ti.cast(factor, float)
+        return factor
 
     @ti.func
     def measure_lanes(self, lanes: Template, block, dt):

@@ -113,10 +113,10 @@ def sums_are_launched(total_force: TotalForce, plan: str, on_cpu: bool) -> bool:
 def _file_of(parts: StepParts, plan: str) -> str:
     """The file of this folder whose launcher runs these parts."""
     contacts, integrator, total_force = parts.contacts, parts.integrator, parts.total_force
-    if parts.tangent_meter is not None:
-        return "tangent_steps"
     if contacts is not None:
         return contacts.launched_by
+    if parts.tangent_meter is not None:
+        return "tangent_steps"
     name: str = getattr(integrator.launchers, plan)
     if name != "parallel":
         return name

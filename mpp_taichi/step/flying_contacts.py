@@ -10,7 +10,15 @@ class FlyingContacts(Launcher):
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """Advance from the time of the first sample to the time of the last sample."""
-        self.contacts.advance(time + first * dt, time + last * dt)
+        if self.parts.tangent_meter is None:
+            self.contacts.advance(time + first * dt, time + last * dt)
+            return
+        for s in range(first, last):
+            self.contacts.advance(time + s * dt, time + (s + 1) * dt)
+            scaled = self.contacts.show_deviation(time + (s + 1) * dt)
+            factor = self.parts.tangent_meter.measure_alone(dt, scaled)
+            if factor != 1.0:
+                self.contacts.scale_deviation(factor)
 
     def launches_per_step(self) -> int | None:
         """Not known: it depends on the contacts."""

@@ -42,6 +42,19 @@ def normal(surface: Template, x, time):
 
 
 @ti.func
+def normal_change(surface: Template, x, time, change):
+    """Change of the normal where x is moved by a small `change`; zero at a plane, on the axis and at the centre."""
+    result = ti.Vector.zero(float, x.n)
+    if ti.static(surface.kind != "plane"):
+        q = _across(surface, _from_surface(surface, x, time))
+        length = q.norm()
+        if length > 0:
+            n, moved = q / length, _across(surface, change)
+            result = (moved - n * n.dot(moved)) / (ti.static(-1.0 if surface.inside else 1.0) * length)
+    return result
+
+
+@ti.func
 def surface_velocity(surface: Template, x):
     """The velocity of the surface, with as many components as x."""
     return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)

@@ -76,6 +76,22 @@ class WallSegments:
         return result
 
     @ti.func
+    def normal_change(self, g, x, time, change):
+        """Change of the normal where x is moved by a small `change`; zero but around an end."""
+        result = ti.Vector.zero(float, x.n)
+        along, _ = self._place(g, x, time)
+        if along < 0 or along > self.length[g]:
+            q = self._from_end(g, x, time)
+            if along < 0:
+                q = self._from_begin(g, x, time)
+            distance = q.norm()
+            if distance > 0:
+                n, moved = q / distance, ti.Vector([change[0], change[1]])
+                turned = (moved - n * n.dot(moved)) / distance
+                result[0], result[1] = turned[0], turned[1]
+        return result
+
+    @ti.func
     def velocity(self, g, x):
         """The velocity of segment g, with as many components as x."""
         result = ti.Vector.zero(float, x.n)

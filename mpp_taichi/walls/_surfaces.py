@@ -83,6 +83,18 @@ class WallSurfaces:
         return result
 
     @ti.func
+    def normal_change(self, w, x, time, change):
+        """Change of the normal of surface w, a number that is known only when a kernel runs, where x is moved by a `change`."""
+        result = ti.Vector.zero(float, x.n)
+        for s in ti.static(range(self.plain_count)):
+            if w == s:
+                result = _geometry.normal_change(self.surfaces[s], x, time, change)
+        if ti.static(self.segment_count > 0):
+            if w >= self.plain_count:
+                result = self.segments.normal_change(w - self.plain_count, x, time, change)
+        return result
+
+    @ti.func
     def velocity(self, w: Template, x):
         """The velocity of surface w, with as many components as x."""
         result = ti.Vector.zero(float, x.n)

@@ -92,7 +92,7 @@ def test_deviations_are_rescaled_without_a_change_of_digits():
             {"forces": [{"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1}}]},
             "the force harmonic_drive does not have",
         ),
-        ({"contacts": {"hard_spheres": {"solver": "pairwise"}}}, "collisions do not have"),
+        ({"contacts": {"hard_spheres": {"solver": "pairwise"}}}, "collisions of pairwise do not have"),
         ({"timeline": [{"at": 0.5, "set": {"forces.newtonian_gravity.strength": 0}}]}, "a timeline does not have"),
         ({"forces": [{"newtonian_gravity": {"solver": "tree"}}]}, "a tree does not have"),
     ],

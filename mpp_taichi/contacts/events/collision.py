@@ -7,6 +7,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.events.cells import EventCells
+from mpp_taichi.contacts.events.deviation import Deviation
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.contacts.shared.restitution import restitution_after
@@ -23,11 +24,18 @@ class Collision:
     """Impulses along the normal, and sums over them."""
 
     def __init__(
-        self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, walls: WallSurfaces, builder: Any
+        self,
+        setup: ContactSetup,
+        spheres: FlyingSpheres,
+        cells: EventCells,
+        walls: WallSurfaces,
+        builder: Any,
+        *,
+        deviation: Deviation | None,
     ) -> None:
         """Place the fields, for the spheres of a setup in their cells, between walls; sums begin at 0."""
-        self.spheres, self.cells = spheres, cells
-        self.walls = walls
+        self.spheres, self.cells, self.walls = spheres, cells, walls
+        self.deviation, self.follows_deviation = deviation, deviation is not None
         self.contact_time = float(setup.contact_time)
         self.restitution = tuple(tuple(float(e) for e in row) for row in np.asarray(setup.restitution))
         wide = spheres.wide
@@ -95,6 +103,8 @@ class Collision:
         if speed < 0 and softness > 0:
             found = impulse_between(n, v_i, v_j, w_i, w_j, e)
             impulse, lost = found[0], found[2]
+            if ti.static(self.follows_deviation):
+                self.deviation.pair(i, j, n, distance, impulse)
             self.spheres.velocity[i] = pushed(v_i, w_i, n, impulse, found[1], 1)
             self.spheres.velocity[j] = pushed(v_j, w_j, n, impulse, found[1], -1)
             self.pair_count[None] += 1
@@ -120,6 +130,8 @@ class Collision:
         if speed < 0 and softness > 0:
             found = impulse_between(n, v, velocity, inverse_mass, ti.Vector.zero(float, self.spheres.dimensions), e)
             impulse, lost = found[0], found[2]
+            if ti.static(self.follows_deviation):
+                self.deviation.wall(i, w, n, velocity, impulse, now)
             self.spheres.velocity[i] = pushed(v, inverse_mass, n, impulse, found[1], 1)
             self.wall_count[None] += 1
             self.wall_impulse[account] += ti.cast(impulse, self.spheres.wide)
@@ -148,6 +160,8 @@ class Collision:
         else:
             self.spheres.stalled[i] += 1
         x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
+        if ti.static(self.follows_deviation):
+            self.deviation.fly(i, ti.cast(time - self.spheres.clock[i], float))
         self.spheres.position[i], self.spheres.velocity[i] = x, v
         self.spheres.clock[i] = time
 
