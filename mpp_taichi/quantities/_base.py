@@ -119,6 +119,8 @@ class Quantity(ABC):
     """Whether `rate` is known."""
     needs_tangent = False
     """Whether each step must be taken together with its derivative."""
+    needs_derivative = False
+    """Whether the derivative is needed along all directions, not along one of them."""
     takes_many = False
     """Whether `measure_many` is known, and so are `rate_many` and `sampling_interval_many` where there is a rate."""
     if TYPE_CHECKING:

@@ -18,6 +18,11 @@ def tangent_quantities(spec: SceneSpec) -> list[str]:
     return [name for name in sorted(asked_quantities(spec)) if component.flag("quantities", name, "needs_tangent")]
 
 
+def asks_for_derivative(spec: SceneSpec) -> bool:
+    """Whether one of them needs the derivative of the step along all directions."""
+    return any(component.flag("quantities", name, "needs_derivative") for name in tangent_quantities(spec))
+
+
 def without_tangent(spec: SceneSpec) -> SceneSpec:
     """The scene without the quantities that need the tangent of the step; itself where it asks for none."""
     gone = set(tangent_quantities(spec))

@@ -13,18 +13,18 @@ from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
 from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
-from mpp_taichi.scene.asked_quantities import tangent_quantities
+from mpp_taichi.scene.asked_quantities import asks_for_derivative, tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
+from mpp_taichi.state.tangent_growth import TangentGrowth, copies_of
 from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
     from mpp_taichi.energy.energy_meter import PowerMeter
-    from mpp_taichi.state.tangent_growth import TangentGrowth
     from mpp_taichi.step.acceleration import AccelerationMeter
 
 
@@ -69,7 +69,9 @@ class CompiledPhase:
 
             refusals.check_rods(spec, device)
             rods = RodProjection(start, spec.dimensions)
-        self.replica_count = max(1, len(replica_starts))
+        self.has_tangent = bool(tangent_quantities(spec))
+        self.copies = copies_of(start.free, spec.dimensions) if asks_for_derivative(spec) else 1
+        self.replica_count = self.copies * max(1, len(replica_starts))
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
         self.total_force = TotalForce(
@@ -84,6 +86,8 @@ class CompiledPhase:
         self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(start, self.total_force, device.precision)
         refusals.check_sines(spec, self.total_force.forces, device)
+        if self.has_tangent:
+            refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision, plan, self.copies)
         self.plan = settle_plan(
             plan,
             name=spec.integrator.name,
@@ -93,9 +97,7 @@ class CompiledPhase:
             work=self.work,
             replica_count=self.replica_count,
         )
-        self.has_tangent = bool(tangent_quantities(spec))
         if self.has_tangent:
-            refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision, plan)
             self.plan = "replicas" if self.replica_count > 1 else "serial"
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
@@ -104,7 +106,9 @@ class CompiledPhase:
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
             self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
-        self.tangent = TangentMeter(self.state, single_logarithm=not device.on_cpu) if self.has_tangent else None
+        self.tangent: TangentMeter | None = None
+        if self.has_tangent:
+            self.tangent = TangentMeter(self.state, start.free, copies=self.copies, single_logarithm=not device.on_cpu)
         self.launcher = launcher_for(
             self.state,
             self.total_force,
@@ -230,13 +234,12 @@ class CompiledPhase:
         """Put all particles where a snapshot has them, or each replica where its own start has them, for steps of `dt`."""
         if self.state.merges and not self.replica_starts:
             self.state.write_spheres(start)
-        if self.replica_starts:
-            self.state.write_properties(self.replica_starts)
-        self.state.write_snapshots(
-            [replace(each, velocity=each.velocity * each.free) for each in self.replica_starts or (start,)]
-        )
+        starts = [each for each in self.replica_starts for _ in range(self.copies)]
+        if starts:
+            self.state.write_properties(starts)
+        self.state.write_snapshots([replace(each, velocity=each.velocity * each.free) for each in starts or (start,)])
         if self.tangent is not None:
-            self.tangent.begin(self.particles.free)
+            self.tangent.begin()
         self._begin_afresh(dt)
 
     def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
@@ -341,8 +344,8 @@ class CompiledPhase:
         in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
         return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
 
-    def read_tangent(self) -> "TangentGrowth":
-        """The growth of the deviation of every replica; TypeError where no quantity of the scene asks for it."""
+    def read_tangent(self) -> TangentGrowth:
+        """The growth of the deviation of every system; TypeError where no quantity of the scene asks for it."""
         if self.tangent is None:
             raise TypeError("no quantity of this scene needs the tangent of its steps")
         return self.tangent.read()

@@ -69,7 +69,7 @@ class PhaseRunner:
     def place_replicas(self, starts: tuple[Snapshot, ...], scenes: Sequence[SceneSpec]) -> None:
         """Go back to the start of the course, each replica to a start of its own, with the parameters of its own scene."""
         self.phase.replica_starts = starts
-        self.phase.live.write_rows([scene.forces for scene in scenes])
+        self.phase.live.write_rows([scene.forces for scene in scenes for _ in range(self.phase.copies)])
         self.restart()
 
     def restart_as_written(self) -> None:

@@ -32,6 +32,8 @@ from mpp_taichi.wording.told_apart import told_apart
 NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
 """Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
 
+MOST_COPIES = 600  # of a system, one for each direction of its derivative
+
 
 def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device: Device, logs: bool) -> None:
     """Refuse a contact solver on a device, or a log of events, that it does not have.
@@ -100,12 +102,13 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
 
 
-def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str, plan: str) -> None:
+def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str, plan: str, copies: int) -> None:
     """Refuse the quantities that need the tangent of the step where a part of the step, or the plan, does not have it.
 
     Raises:
         UnsupportedError: such a part is there.
         BackendError: the parallel plan is asked for.
+        CapacityError: a quantity needs more copies of the system than MOST_COPIES.
     """
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
@@ -125,6 +128,13 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
     wanted = " and ".join(tangent_quantities(spec))
     if reasons:
         raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not have")
+    if copies > 1 and spec.contacts is not None:
+        raise UnsupportedError("stability needs the derivative along all directions, which collisions do not have")
+    if copies > MOST_COPIES:
+        raise CapacityError(
+            f"stability follows a copy of the system for each free component of a position or velocity; here are {copies - 1:,}, "
+            f"allowed: {MOST_COPIES}"
+        )
     if plan == "parallel":
         raise BackendError(f"{wanted} has no parallel plan; there are serial and replicas")
 

@@ -13,6 +13,8 @@ class TangentGrowth:
     time      time since the start, (copies,)
     growth    L now
     largest   the largest L so far, not below 0
+    derivative   of the motion until now with respect to the free positions and velocities at the start, (copies, m, m), a
+              column for each of them; None where no quantity needs it
     megno     (1/t) ∫ Y dt with Y(s) = 2 (L(s) − (1/s) ∫ L ds′), which is the mean MEGNO; 0 at the start
     """
 
@@ -20,7 +22,14 @@ class TangentGrowth:
     growth: np.ndarray
     largest: np.ndarray
     megno: np.ndarray
+    derivative: np.ndarray | None = None
 
     def of(self, who: Any) -> "TangentGrowth":
         """The growth of some copies."""
-        return TangentGrowth(self.time[who], self.growth[who], self.largest[who], self.megno[who])
+        derivative = None if self.derivative is None else self.derivative[who]
+        return TangentGrowth(self.time[who], self.growth[who], self.largest[who], self.megno[who], derivative)
+
+
+def copies_of(free: np.ndarray, dimensions: int) -> int:
+    """Copies of a system by which its whole derivative is known: the run's own, and one for each free axis and its velocity."""
+    return 1 + 2 * int(np.count_nonzero(np.asarray(free)[:, :dimensions]))

@@ -24,9 +24,15 @@ class TangentMeter:
     Mech. Dyn. Astron. 67 (1997) 41.
     """
 
-    def __init__(self, state: Any, *, single_logarithm: bool) -> None:
-        """`single_logarithm`: the device has the logarithm in f32 only; L is then exact to 10⁻⁶."""
-        self.state, self.single_logarithm = state, single_logarithm
+    def __init__(self, state: Any, free: np.ndarray, *, copies: int, single_logarithm: bool) -> None:
+        """Name the fields.
+
+        free              the axes along which each particle may move, (particle_count, 3)
+        copies            replicas of each system: one, or as many as `copies_of` gives
+        single_logarithm  the device has the logarithm in f32 only; L is then exact to 10⁻⁶
+        """
+        self.state, self.copies, self.single_logarithm = state, copies, single_logarithm
+        self.free = np.asarray(free)[:, : state.dimensions] != 0
         self.deviation = tuple(getattr(state, PREFIX + name) for name in MOVED)
         self.sums = {name: getattr(state, PREFIX + name) for name in SUMS}
 
@@ -40,29 +46,46 @@ class TangentMeter:
         """The names of the fields that a saved state has."""
         return tuple(PREFIX + name for name in ("position", "velocity", *SUMS))
 
-    def begin(self, free: np.ndarray) -> None:
-        """Begin at the start of the run with |δ| = 1, along the axes that are `free`, (particle_count, 3)."""
+    def begin(self) -> None:
+        """Begin at the start of the run with |δ| = 1: the first copy in a random direction, each other along one free axis."""
         state = self.state
-        free = np.asarray(free, float)[:, : state.dimensions]
-        start = np.random.default_rng(SEED).standard_normal((2, state.particle_count, 3))[:, :, : state.dimensions] * free
-        self.write(*(start / (np.sqrt((start**2).sum()) or 1.0)))
+        start = np.random.default_rng(SEED).standard_normal((2, state.particle_count, 3))[:, :, : state.dimensions] * self.free
+        starts = (start / (np.sqrt((start**2).sum()) or 1.0))[None]
+        if self.copies > 1:
+            axes = np.eye(start.size).reshape(-1, *start.shape)[np.tile(self.free.ravel(), 2)]
+            starts = np.concatenate([starts, axes])
+        self.write(starts[:, 0], starts[:, 1])
 
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Set the deviation of every replica, each (particle_count, dimensions) and of any length, and begin the sums anew."""
-        length = np.sqrt((position**2).sum() + (velocity**2).sum())
-        arrays = [np.tile(each, (self.state.replica_count, 1)) for each in (position, velocity)]
+        """Set the deviations of any length, and begin the sums anew.
+
+        They are (particle_count, dimensions) of every replica, or (copies, particle_count, dimensions).
+        """
+        shape = (-1, self.state.particle_count, self.state.dimensions)
+        position, velocity = (np.reshape(each, shape) for each in (position, velocity))
+        length = np.sqrt((position**2).sum(axis=(1, 2)) + (velocity**2).sum(axis=(1, 2)))
+        times, count = self.state.replica_count // len(length), self.state.total_count
+        arrays = [np.tile(each, (times, 1, 1)).reshape(count, -1) for each in (position, velocity)]
         bulk_copy.write(list(self.deviation[:2]), arrays)
         for field in self.sums.values():
             field.fill(0.0)
-        if length > 0.0:
-            self.sums["shift"].fill(-float(np.log(length)))
+        shift = np.tile(-np.log(np.where(length > 0.0, length, 1.0)), times)
+        self.sums["shift"].from_numpy(shift.astype(np.float32 if self.state.wide == ti.f32 else np.float64))
 
     def read(self) -> TangentGrowth:
-        """The growth of every replica now."""
-        elapsed, growth, _, _, integral, largest = (self.sums[name].to_numpy().astype(np.float64) for name in SUMS)
+        """The growth of every system now, that of its first copy."""
+        sums = (self.sums[name].to_numpy().astype(np.float64)[:: self.copies] for name in SUMS)
+        elapsed, growth, _, _, integral, largest = sums
         with np.errstate(divide="ignore", invalid="ignore"):
             megno = np.where(elapsed > 0.0, integral / elapsed, 0.0)
-        return TangentGrowth(elapsed, growth, largest, megno)
+        return TangentGrowth(elapsed, growth, largest, megno, self._read_derivative() if self.copies > 1 else None)
+
+    def _read_derivative(self) -> np.ndarray:
+        """The derivative of each system, (systems, m, m): its columns are the deviations of the other copies."""
+        shape = (-1, self.copies, self.state.particle_count, self.state.dimensions)
+        with np.errstate(over="ignore", invalid="ignore"):
+            position, velocity = (each.reshape(shape)[:, 1:, self.free] for each in self.read_deviation())
+        return np.concatenate([position, velocity], axis=2).transpose(0, 2, 1)
 
     def read_deviation(self) -> tuple[np.ndarray, np.ndarray]:
         """δ of positions and velocities of every replica in units of its length at the start, (total_count, dimensions)."""

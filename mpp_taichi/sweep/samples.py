@@ -33,13 +33,14 @@ class MemberMoment:
     @cached_property
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities, each (members, particle_count, 3)."""
-        position, velocity = self.simulation.state.read_replicas()
+        position, velocity = (each[:: self.simulation.phase.copies] for each in self.simulation.state.read_replicas())
         return position[: len(self.members)], velocity[: len(self.members)]
 
     @cached_property
     def potential_energies(self) -> np.ndarray:
         """Potential energy of each member."""
-        return self.simulation.phase.energy_meter.potential_energies(self.time)[: len(self.members)]
+        energies = self.simulation.phase.energy_meter.potential_energies(self.time)
+        return energies[:: self.simulation.phase.copies][: len(self.members)]
 
     @cached_property
     def tangent(self) -> TangentGrowth:

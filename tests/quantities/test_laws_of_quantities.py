@@ -120,7 +120,7 @@ def sample_of(snapshot, by=lambda dimension: 1.0, potential_energy=-1.5):
         gravity=0.75 * by((3, -2, -1)),
     )
     sample.acceleration = np.cos(np.arange(15.0)).reshape(5, 3) * by((1, -2, 0))
-    sample.tangent = TangentGrowth(*(np.array([number]) for number in (sample.time, 2.0, 2.5, 1.9)))
+    sample.tangent = TangentGrowth(*(np.array([number]) for number in (sample.time, 2.0, 2.5, 1.9)), np.diag([2.0, 0.5])[None])
     return sample
 
 
@@ -257,7 +257,7 @@ def test_a_quantity_is_refused_exactly_where_the_scene_lacks_what_it_is_about(na
     def measure():
         sample = MadeUpSample(bare)
         sample.acceleration = np.zeros_like(bare.position)
-        sample.tangent = TangentGrowth(*np.zeros((4, 1)))
+        sample.tangent = TangentGrowth(*np.zeros((4, 1)), np.eye(2)[None])
         return built(name, given, spec, bare).measure(sample)
 
     if name in NEEDS:

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.state.tangent_meter import RANGE_BITS
@@ -52,7 +53,7 @@ class Deviation:
         """Write the deviation at `time` into the state; how often it was multiplied by 2⁻⁴⁰ since the last call."""
         for i in range(self.spheres.count):
             s = ti.cast(ti.cast(time, self.spheres.wide) - self.spheres.clock[i], float)
-            self.state.tangent_position[self.spheres.order[i]] = self.position[i] + self.velocity[i] * s
+            self.state.tangent_position[self.spheres.order[i]] = drifted(self.position[i], self.velocity[i], s)
             self.state.tangent_velocity[self.spheres.order[i]] = self.velocity[i]
         scaled = self.scaled[None]
         self.scaled[None] = 0
@@ -78,7 +79,7 @@ class Deviation:
     @ti.func
     def fly(self, i, s):
         """Bring sphere i to a time that is s later than its clock."""
-        self.position[i] += self.velocity[i] * s
+        self.position[i] = drifted(self.position[i], self.velocity[i], s)
 
     @ti.func
     def pair(self, i, j, n, distance, impulse):
