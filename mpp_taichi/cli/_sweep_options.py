@@ -12,6 +12,7 @@ from mpp_taichi.scene.document import read_value
 from mpp_taichi.scene.location import Location
 
 KINDS = ("random", "sobol")
+REFINED = 0.05
 
 
 def add_plan(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +30,15 @@ def add_plan(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--sample", metavar="KIND:N", help="draw N values between A and B of --vary PATH=A:B: random:N or sobol:N"
+    )
+    group.add_argument(
+        "--refine",
+        type=_share,
+        nargs="?",
+        const=REFINED,
+        metavar="SHARE",
+        help="run a coarse grid first, and refine it only where the status of neighbours differs, or a measure by more than "
+        f"this share of its range; SHARE absent: {REFINED}",
     )
     group.add_argument("--seed", type=int, metavar="S", help="seed of --sample; absent: 0")
     group.add_argument(
@@ -54,7 +64,7 @@ def block_of(arguments: argparse.Namespace, written: Any) -> dict[str, Any] | No
         UsageError: an option cannot be read.
     """
     block: dict[str, Any] = dict(written) if isinstance(written, Mapping) else {}
-    given = any((arguments.vary, arguments.zip, arguments.sample, arguments.measure, arguments.stop))
+    given = any((arguments.vary, arguments.zip, arguments.sample, arguments.measure, arguments.stop, arguments.refine))
     if not block and not given:
         return None
     if arguments.vary:
@@ -68,6 +78,8 @@ def block_of(arguments: argparse.Namespace, written: Any) -> dict[str, Any] | No
         if not isinstance(block.get("sample"), Mapping):
             raise UsageError("sweep: --seed belongs to a sample; --set seed=… sets the seed of the scene")
         block["sample"] = {**block["sample"], "seed": arguments.seed}
+    if arguments.refine is not None:
+        block["refine"] = arguments.refine
     for key in ("measure", "stop"):
         if given_texts := getattr(arguments, key):
             block[key] = [_value(text, f"--{key}") for text in given_texts]
@@ -96,6 +108,16 @@ def _vary(text: str, *, sampled: bool) -> tuple[str, Any]:
     read = [_value(part, f"--vary {path}") for part in parts]
     found = {"from": read[0], "to": read[1], "scale": scale}
     return path.strip(), found if sampled else {**found, "count": read[2]}
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0.0 <= share <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number from 0 to 1")
+    return share
 
 
 def _sample(text: str, seed: int | None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ runs a member by itself.
 """
 
 import argparse
+import contextlib
 import shutil
 import time as clock
 from pathlib import Path
@@ -16,7 +17,7 @@ from mpp_taichi.cli import _options
 from mpp_taichi.cli._slurm import slurm_script
 from mpp_taichi.cli._sweep_options import add_plan
 from mpp_taichi.cli._sweep_store import asked_for
-from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
 from mpp_taichi.device.thread_count import processors
 from mpp_taichi.precision import PRECISIONS
 
@@ -58,6 +59,8 @@ def execute(arguments: argparse.Namespace) -> int:
     with output_reserved(arguments.json):
         store, cost = asked_for(arguments)
         if arguments.slurm is not None:
+            if store.sweep.refine is not None:
+                raise UsageError("sweep: --slurm: the rounds of a refinement wait for each other; use --dask, or no --refine")
             put(slurm_script(arguments.words, arguments.slurm, store.folder), verdicts=False)
             return 0
         if arguments.dry_run:
@@ -104,35 +107,45 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
     """Run the chunks that are missing; the number of members that were run."""
     from mpp_taichi.cli._refusals import require_any_backend
     from mpp_taichi.cli._signals import Interruption
-    from mpp_taichi.sweep.carrier import Processes
     from mpp_taichi.sweep.progress import Progress
 
-    if arguments.dask is None and (arguments.fresh or store.missing()):  # the workers of Dask have devices of their own
-        require_any_backend([arguments.backend])
     if arguments.fresh:
         shutil.rmtree(store.folder / "chunks", ignore_errors=True)
+    if arguments.dask is None and store.missing():  # the workers of Dask have devices of their own
+        require_any_backend([arguments.backend])
     store.save()
-    mine = [
-        number for number in store.missing() if arguments.part is None or number % arguments.part[1] == arguments.part[0] - 1
-    ]
-    if not mine:
-        return 0
-    workers = min(_workers(arguments), len(mine))
     tell = (lambda _: None) if arguments.quiet else say
-    progress = Progress(store, mine, tell)
-    with Interruption() as interruption:
-        try:
-            carrier: Any = Processes(store.folder, workers, 1, together=cost.together)
-            if arguments.dask is not None:
-                from mpp_taichi.sweep.dask_carrier import DaskWorkers
+    ran, carrier = 0, None
+    with Interruption() as interruption, contextlib.ExitStack() as closing:
+        while mine := _part_of(store.missing(), arguments.part):  # more than once for the rounds of a refinement
+            progress = Progress(store, mine, tell, goes_on=ran > 0)
+            if carrier is None:
+                carrier = closing.enter_context(contextlib.closing(_carrier(store, cost, arguments, len(mine))))
+            try:
+                carrier.carry(mine, progress.done, interruption.raise_if_any)
+            except BaseException:
+                progress.picture()
+                tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")
+                raise
+            ran += progress.members
+    return ran
 
-                carrier = DaskWorkers(store.folder, arguments.dask, 1, together=cost.together)
-            carrier.carry(mine, progress.done, interruption.raise_if_any)
-        except BaseException:
-            progress.picture()
-            tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")
-            raise
-    return progress.members
+
+def _part_of(numbers: list[int], part: tuple[int, int] | None) -> list[int]:
+    """The chunks of these that this call runs."""
+    return numbers if part is None else [number for number in numbers if number % part[1] == part[0] - 1]
+
+
+def _carrier(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace, chunks: int) -> Any:
+    """What carries the chunks."""
+    from mpp_taichi.sweep.carrier import Processes
+
+    if arguments.dask is not None:
+        from mpp_taichi.sweep.dask_carrier import DaskWorkers
+
+        return DaskWorkers(store.folder, arguments.dask, 1, together=cost.together)
+    workers = _workers(arguments) if store.sweep.refine is not None else min(_workers(arguments), chunks)
+    return Processes(store.folder, workers, 1, together=cost.together)
 
 
 def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":
@@ -143,7 +156,7 @@ def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, l
     from mpp_taichi.sweep.results import SweepResults
 
     results = SweepResults(store)
-    if done_by_part and results.done < results.count:
+    if done_by_part and not results.is_complete:
         return results, []
     try:
         lock = OutputLock(store.folder / "members.csv")

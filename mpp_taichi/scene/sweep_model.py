@@ -134,6 +134,11 @@ def sweep_model(
         sample=_key(
             _Sample(), None, "draw values between from and to in place of a grid: {random: n} or {sobol: n}, with seed"
         ),
+        refine=_key(
+            Number(minimum=0.0, maximum=1.0),
+            None,
+            "run a coarse grid, and refine it where neighbours differ in their status, or by more than this share of the range",
+        ),
         measure=(list[named], Describe([], description="results of a member; absent: the quantities of expect:")),
         stop=(list[named], Describe([], description="a member ends when one of these quantities leaves its bounds")),
     )
@@ -166,7 +171,11 @@ def build(validated: Any, node: Node | None, expected: tuple[Expectation, ...], 
         if each.below is None and each.above is None and each.near is None:
             key = f"sweep.stop.{each.quantity}"
             faults.add(each.location, key, "needs the bounds, below, above or near, that it must not leave")
-    spec = SweepSpec(axes, validated.combine, validated.sample, measure or _measurable(expected), stop, node.place)
+    spec = SweepSpec(
+        axes, validated.combine, validated.sample, measure or _measurable(expected), stop, validated.refine, node.place
+    )
+    if spec.refine is not None and (spec.sample is not None or spec.combine == "zipped"):
+        faults.add(node.value["refine"].place, "sweep.refine", "refines a grid, in which every value meets every value")
     for axis in axes:
         for message in _axis_faults(axis, spec):
             faults.add(place.value[axis.path].place, f"sweep.vary.{axis.path}", message)

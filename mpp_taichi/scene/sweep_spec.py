@@ -40,6 +40,7 @@ class SweepSpec:
     """Members of a sweep, and the results of each.
 
     combine   crossed: every value with every other value; zipped: the first values, the second values, …
+    refine    share of the range of a measure: a cell of the grid whose corners differ by more is refined; None: all are run
     stop      a member ends as soon as one of these conditions holds in a sample
     """
 
@@ -48,4 +49,5 @@ class SweepSpec:
     sample: SampleSpec | None
     measure: tuple[Expectation, ...]
     stop: tuple[Expectation, ...]
+    refine: float | None
     location: Location

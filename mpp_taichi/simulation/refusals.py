@@ -132,8 +132,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         raise UnsupportedError("stability needs the derivative along all directions, which collisions do not have")
     if copies > MOST_COPIES:
         raise CapacityError(
-            f"stability follows a copy of the system for each free component of a position or velocity; here are {copies - 1:,}, "
-            f"allowed: {MOST_COPIES}"
+            "stability follows a copy of the system for each free component of a position or velocity; here are "
+            f"{copies - 1:,}, allowed: {MOST_COPIES}"
         )
     if plan == "parallel":
         raise BackendError(f"{wanted} has no parallel plan; there are serial and replicas")

@@ -28,7 +28,7 @@ def batches(numbers: Sequence[int], together: int, workers: int) -> Iterator[lis
 
 
 class Processes:
-    """Worker processes on this machine."""
+    """Worker processes on this machine, which stay until `close`."""
 
     def __init__(self, folder: Path, count: int, threads: int, *, together: int = 1) -> None:
         """Nothing is started yet; `threads` are those of each process, which runs up to `together` chunks in one launch."""
@@ -36,7 +36,8 @@ class Processes:
         self._stopped = threading.Event()
         self._lock = threading.Lock()
         self._error: Exception | None = None
-        self._logs = Path()
+        self._logs: tempfile.TemporaryDirectory[str] | None = None
+        self._idle = list[WorkerProcess]()
         self._batches: Iterator[list[int]] = iter(())
 
     def carry(self, numbers: Sequence[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
@@ -48,8 +49,8 @@ class Processes:
         self._batches = batches(numbers, self.together, self.count)
         finished = queue.SimpleQueue[dict[str, Any]]()
         threads = [threading.Thread(target=self._work, args=(finished,), daemon=True) for _ in range(self.count)]
-        logs = tempfile.TemporaryDirectory(prefix="mpp_taichi_sweep_")
-        self._logs = Path(logs.name)
+        self._logs = self._logs or tempfile.TemporaryDirectory(prefix="mpp_taichi_sweep_")
+        ended = False
         try:
             for thread in threads:
                 start_thread(thread)
@@ -57,21 +58,30 @@ class Processes:
                 look()
                 with contextlib.suppress(queue.Empty):
                     done(finished.get(timeout=LOOK_SECONDS))
+            ended = True
         finally:
-            self._stopped.set()
+            if not ended:
+                self._stopped.set()
             for thread in threads:
                 if thread.ident is not None:
                     thread.join()
-            logs.cleanup()
         if self._error is not None:
             raise self._error
+
+    def close(self) -> None:
+        """End the processes: at once where `carry` was cut off."""
+        while self._idle:
+            self._idle.pop().leave(at_once=self._stopped.is_set())
+        if self._logs is not None:
+            self._logs.cleanup()
 
     def _next(self) -> list[int]:
         with self._lock:
             return next(self._batches, [])
 
     def _work(self, finished: "queue.SimpleQueue[dict[str, Any]]") -> None:
-        worker: WorkerProcess | None = None
+        with self._lock:
+            worker = self._idle.pop() if self._idle else None
         try:
             while not self._stopped.is_set():
                 numbers = self._next()
@@ -79,7 +89,8 @@ class Processes:
                     break
                 for attempt in range(TRIES):
                     try:
-                        worker = worker or WorkerProcess(self._logs, None, self._look, module=MODULE)
+                        assert self._logs is not None
+                        worker = worker or WorkerProcess(Path(self._logs.name), None, self._look, module=MODULE)
                         asked = {"folder": str(self.folder.absolute()), "numbers": numbers, "threads": self.threads}
                         finished.put(worker.ask("chunks", LONGEST_SECONDS, **asked))
                         break
@@ -97,7 +108,8 @@ class Processes:
             self._stopped.set()
         finally:
             if worker is not None:
-                worker.leave(at_once=self._stopped.is_set())
+                with self._lock:
+                    self._idle.append(worker)
 
     def _look(self) -> None:
         if self._stopped.is_set():

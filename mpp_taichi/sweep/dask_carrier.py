@@ -35,6 +35,8 @@ class DaskWorkers:
         if importlib.util.find_spec("distributed") is None:
             raise MissingPackageError(f"--dask needs the package distributed: {sys.executable} -m pip install distributed")
         self.folder, self.address, self.threads, self.together = folder.absolute(), address, threads, together
+        self._client: Any = None
+        self._cluster: Any = None
 
     def carry(self, numbers: Sequence[int], done: Callable[[dict[str, Any]], None], look: Callable[[], None]) -> None:
         """Run these chunks; `done` is told of each in this thread, `look` is called again and again and may raise.
@@ -43,32 +45,37 @@ class DaskWorkers:
             BackendError: there is no cluster at this address.
             WorkerError: a chunk has ended its process twice.
         """
+        client = self._connected()
+        executor = client.get_executor(pure=False, retries=0)
+        workers = max(1, len(client.scheduler_info()["workers"]))
+        pending = {
+            executor.submit(in_own_process, str(self.folder), batch, self.threads)
+            for batch in batches(numbers, self.together, workers)
+        }
+        while pending:
+            look()
+            finished, pending = wait(pending, timeout=LOOK_SECONDS, return_when=FIRST_COMPLETED)
+            for each in finished:
+                done(each.result())
+
+    def _connected(self) -> Any:
         from distributed import Client, LocalCluster
 
-        kind, _, count = self.address.partition(":")
-        cluster = None
-        if kind == LOCAL:
-            cluster = LocalCluster(n_workers=int(count or 2), threads_per_worker=1, dashboard_address=None)
-        try:
-            client = Client(cluster or self.address, timeout=CONNECT_SECONDS)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise BackendError(f"no Dask cluster at {self.address}: {' '.join(str(error).split())}") from None
-        try:
-            executor = client.get_executor(pure=False, retries=0)
-            workers = max(1, len(client.scheduler_info()["workers"]))
-            pending = {
-                executor.submit(in_own_process, str(self.folder), batch, self.threads)
-                for batch in batches(numbers, self.together, workers)
-            }
-            while pending:
-                look()
-                finished, pending = wait(pending, timeout=LOOK_SECONDS, return_when=FIRST_COMPLETED)
-                for each in finished:
-                    done(each.result())
-        finally:
-            client.close()
-            if cluster is not None:
-                cluster.close()
+        if self._client is None:
+            kind, _, count = self.address.partition(":")
+            if kind == LOCAL:
+                self._cluster = LocalCluster(n_workers=int(count or 2), threads_per_worker=1, dashboard_address=None)
+            try:
+                self._client = Client(self._cluster or self.address, timeout=CONNECT_SECONDS)
+            except (OSError, ValueError, TimeoutError) as error:
+                raise BackendError(f"no Dask cluster at {self.address}: {' '.join(str(error).split())}") from None
+        return self._client
+
+    def close(self) -> None:
+        """Leave the cluster; a cluster on this machine ends."""
+        for each in (self._client, self._cluster):
+            if each is not None:
+                each.close()
 
 
 def in_own_process(folder: str, numbers: list[int], threads: int) -> dict[str, Any]:

@@ -97,8 +97,9 @@ class Gauges:
         results = [gauge.results() for gauge in self._gauges]
         ends = {"steps": float(step)}
         for k in who:
+            # + 0.0 makes 0.0 of −0.0: of both the larger is the one or the other, as the place in the array is.
             values = [
-                ends.get(measure.quantity, time) if measure.quantity in CLOCK else float(found[k])
+                ends.get(measure.quantity, time) if measure.quantity in CLOCK else float(found[k]) + 0.0
                 for measure, found in zip(self._measures, results, strict=True)
             ]
             broken = self._broken_bound(values) if status == OK else ""

@@ -11,7 +11,7 @@ from mpp_taichi.plots import map as maps
 from mpp_taichi.plots.content import Curves, Histogram, Plot, Samples
 from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.plots.svg import draw_svg
-from mpp_taichi.sweep.results import SweepResults
+from mpp_taichi.sweep.results import SKIPPED, SweepResults
 
 SIZE = (960, 720)
 BINS = 40
@@ -51,7 +51,7 @@ def map_of(results: SweepResults, name: str) -> maps.Map:
     wide = results.wide
     shape = [results.shape[k] for k in wide]
     values = results[name].reshape(shape).astype(float)
-    known = (results["status"] != "missing").reshape(shape)
+    known = ~np.isin(results["status"], ("missing", SKIPPED)).reshape(shape)
     filled, unknown = maps.coarse_fill(values, known)
     paths, specs = list(results.axes), results.store.plan.axes
     x, y = (maps.MapAxis(paths[k], results.axes[paths[k]], specs[k].scale == "logarithmic") for k in wide)

@@ -48,6 +48,14 @@ class Plan:
         """Whether every value of a key meets every value of the other keys."""
         return self.spec.sample is None and self.spec.combine == "crossed"
 
+    def is_ordered(self, number: int) -> bool:
+        """Whether the values of a key are numbers that grow or fall, so that the middle of two of them means something."""
+        grid = self._grid[number]
+        if grid is None or grid.dtype == object:
+            return False
+        steps = np.diff(grid.astype(float))
+        return bool((steps > 0).all() or (steps < 0).all())
+
     def values(self, members: Sequence[int] | np.ndarray) -> list[dict[str, Any]]:
         """For each of these members path → value, as plain numbers and words."""
         columns = self.columns(np.asarray(members, np.int64))

@@ -20,14 +20,17 @@ FIRST_PICTURE = 0.01  # of the chunks
 class Progress:
     """Counts the chunks that are done; `members` is the number of members run so far."""
 
-    def __init__(self, store: SweepStore, numbers: Sequence[int], tell: Callable[[str], None]) -> None:
-        """`numbers` are the chunks of this call."""
+    def __init__(self, store: SweepStore, numbers: Sequence[int], tell: Callable[[str], None], *, goes_on: bool) -> None:
+        """`numbers` are the chunks of this call, or of a round of it where it `goes_on` with another round."""
         self.store, self.tell = store, tell
         self._count, self._done, self.members = len(numbers), 0, 0
         self._others = 0
         self._began = self._told = self._drawn = clock.monotonic()
         self._drawing = 0.0
-        if (before := store.chunk_count - len(numbers)) > 0:
+        if goes_on:
+            members = sum(len(store.members(number)) for number in numbers)
+            tell(f"the next round has {members:,} members, at places where neighbours differ")
+        elif (before := store.chunk_count - len(numbers)) > 0:
             tell(f"{before:,} of {store.chunk_count:,} chunks are done already, in {store.folder}; --fresh begins anew")
 
     def done(self, answer: dict[str, Any]) -> None:

@@ -17,6 +17,8 @@ from mpp_taichi.sweep.store import SweepStore, opened
 
 MISSING = -1
 """Status of a member whose chunk is not done."""
+SKIPPED = "skipped"
+"""Word for a member that a refinement left out, as its neighbours hardly differ."""
 FIELDS = ("end_time", "steps_done", "status", "particle", "reason")
 """The columns of every member beside its measures."""
 
@@ -27,6 +29,7 @@ class SweepResults:
     count   members; shape: along each key of a grid, or (count,)
     axes    path → its values along the axis, where the members form a grid; else one value for each member
     names   measured quantities
+    is_complete   whether all members are done, but for those that a refinement leaves out
     """
 
     def __init__(self, store: SweepStore) -> None:
@@ -39,8 +42,12 @@ class SweepResults:
         self._values = np.full((count, len(self.names)), np.nan)
         self._time, self._steps = np.full(count, np.nan), np.zeros(count, np.int64)
         self._particle, self._reasons = np.full(count, -1, np.int32), dict[int, str]()
-        for number in range(store.chunk_count):
-            columns = store.columns(number)
+        while store.grow():
+            pass
+        found = [store.columns(number) for number in range(store.chunk_count)]
+        self.is_complete = all(columns is not None for columns in found)
+        self._without = SKIPPED if self.is_complete else "missing"
+        for columns in found:
             if columns is not None:
                 self._take(columns)
 
@@ -75,8 +82,8 @@ class SweepResults:
 
     @property
     def status(self) -> np.ndarray:
-        """The status of each member in words; `missing` where it is not done."""
-        return np.array([*STATUSES, "missing"])[self._status]
+        """The status of each member in words; `missing` where it is not done, `skipped` where a refinement left it out."""
+        return np.array([*STATUSES, self._without])[self._status]
 
     @property
     def fields(self) -> list[str]:
@@ -101,7 +108,7 @@ class SweepResults:
     def counts(self) -> dict[str, int]:
         """Number of members of each status that occurs."""
         found = {word: int((self._status == code).sum()) for code, word in enumerate(STATUSES)}
-        found["missing"] = self.count - self.done
+        found[self._without] = self.count - self.done
         return {word: number for word, number in found.items() if number}
 
     @cached_property

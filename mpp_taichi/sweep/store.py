@@ -1,7 +1,7 @@
 """Sweep store: the folder of a sweep. `sweep.json` says which members there are; `chunks/` holds the rows that are done."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +21,7 @@ from mpp_taichi.sweep.chunk import Columns, name_of, plain_text, read
 from mpp_taichi.sweep.member import UNREAD, scene_of, whole_scene
 from mpp_taichi.sweep.order import coarse_to_fine
 from mpp_taichi.sweep.plan import Plan
+from mpp_taichi.sweep.refinement import GridRefinement
 from mpp_taichi.sweep.structure import Own, own_of
 from mpp_taichi.version import __version__
 
@@ -108,14 +109,53 @@ class SweepStore:
             raise ArgumentError(f"member {number}: the sweep has the members 0 to {self.plan.count - 1:,}")
         return whole_scene(self.resolved, self.source, self.plan.values([number])[0])
 
+    @cached_property
+    def _refinement(self) -> GridRefinement | None:
+        if self.sweep.refine is None:
+            return None
+        ordered = [self.plan.is_ordered(k) for k in range(len(self.plan.shape))]
+        return GridRefinement(self.plan.shape, ordered, self.sweep.refine)
+
+    @cached_property
+    def _rounds(self) -> list[np.ndarray]:
+        """The chunks of the rounds of a refinement so far."""
+        assert self._refinement is not None
+        return self._chunks_of(self._refinement.first())
+
+    def _chunks_of(self, members: np.ndarray) -> list[np.ndarray]:
+        return [members[begin : begin + self.chunk] for begin in range(0, len(members), self.chunk)]
+
+    def grow(self) -> bool:
+        """Add the chunks of the next round of a refinement, where all chunks so far are done; False where nothing is added.
+
+        Which members a round has follows from the rows of the rounds before, so that all processes find the same chunks.
+        """
+        if self._refinement is None or self._refinement.is_over:
+            return False
+        known, status = np.zeros(self.plan.count, bool), np.zeros(self.plan.count, np.int8)
+        values = np.full((self.plan.count, len(self.measures)), np.nan)
+        for number in range(len(self._rounds)):
+            columns = self.columns(number)
+            if columns is None:
+                return False
+            known[columns.number], status[columns.number] = True, columns.status
+            values[columns.number] = columns.values
+        found = self._refinement.next(known, status, values)
+        self._rounds.extend(self._chunks_of(found))
+        return len(found) > 0
+
     @property
     def chunk_count(self) -> int:
-        """Number of chunks."""
-        return -(-self.plan.count // self.chunk)
+        """Number of chunks; of a refinement those of the rounds so far."""
+        return -(-self.plan.count // self.chunk) if self._refinement is None else len(self._rounds)
 
     def members(self, number: int) -> np.ndarray:
         """The members of a chunk."""
-        return self.order[number * self.chunk : (number + 1) * self.chunk]
+        if self._refinement is None:
+            return self.order[number * self.chunk : (number + 1) * self.chunk]
+        while number >= len(self._rounds) and self.grow():
+            pass
+        return self._rounds[number]
 
     def path(self, number: int) -> Path:
         """The file of a chunk."""
@@ -126,9 +166,11 @@ class SweepStore:
         """The rows of a chunk; None where it is not done."""
         return read(self.path(number), self.members(number), len(self.measures))
 
-    def missing(self) -> Iterator[int]:
-        """Numbers of the chunks that are not done."""
-        return (number for number in range(self.chunk_count) if self.columns(number) is None)
+    def missing(self) -> list[int]:
+        """Numbers of the chunks that are not done; of a refinement those of the present round."""
+        while self.grow():
+            pass
+        return [number for number in range(self.chunk_count) if self.columns(number) is None]
 
     def save(self) -> None:
         """Write `sweep.json`.

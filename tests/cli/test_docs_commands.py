@@ -35,7 +35,7 @@ SHORTER = {
     "scenes": [],
     "new": [],
     "passport": [],
-    "sweep": ["--steps", "2", "--chunk", "100", "--workers", "1"],
+    "sweep": ["--steps", "2", "--chunk", "100", "--workers", "1", "--refine", "1"],  # of a grid the first round alone
 }
 PARSED_ONLY = {
     "check": "minutes for a folder: tests/scenes/test_bundled_scenes.py runs the scenes, tests/cli/test_check.py the verb",

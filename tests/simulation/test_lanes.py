@@ -84,7 +84,7 @@ def test_lanes_change_no_bit_of_a_scene_without_pairs(name, measured, monkeypatc
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize("name", ["leapfrog", "velocity_verlet", "rk4", "pefrl", "chin4a"])  # one of each kind of step
-@pytest.mark.sampled(10)
+@pytest.mark.sampled(12)
 def test_lanes_change_no_bit_of_a_tangent(name, precision, monkeypatch):
     scene = {**everything(integrator=name), "expect": {"megno": {"above": -1e9}}}
     found, growths = starts(scene, 11), []

@@ -154,7 +154,7 @@ def test_a_run_goes_back_with_its_deviation():
 def test_the_exponent_of_a_dilute_lorentz_gas_is_known():
     """A point among held disks at random places: λ = 2 n a v (1 − γ − ln 2 n a²), with γ of Euler.
 
-    Source: van Beijeren & Dorfman, Phys. Rev. Lett. 74 (1995) 4412. A collision multiplies a deviation by 2 τ v/(a cos φ), where
+    Source: van Beijeren & Dorfman, Phys. Rev. Lett. 74 (1995) 4412. A collision multiplies a deviation by 2 τ v/(a cos φ). Here
     the time τ to the next collision is exponentially distributed, and the density of φ is (cos φ)/2. Disks that do not overlap
     leave less room: the frequency is larger by the factor 1/(1 − π n a²), which is 0.3 % here.
     """
