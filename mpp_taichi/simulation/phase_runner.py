@@ -4,6 +4,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.contacts._base import ContactReport
@@ -67,7 +68,16 @@ class PhaseRunner:
         self.accounts.restart()
 
     def place_replicas(self, starts: tuple[Snapshot, ...], scenes: Sequence[SceneSpec]) -> None:
-        """Go back to the start of the course, each replica to a start of its own, with the parameters of its own scene."""
+        """Go back to the start of the course, each replica to a start of its own, with the parameters of its own scene.
+
+        A run of one copy goes to the places and velocities of one start, with all other numbers as they are.
+        """
+        if not self.phase.replica_starts:
+            (start,), before = starts, self.course.start
+            moved = before.moved(position=start.position, velocity=start.velocity, time=before.time, step=before.step)
+            self.course = replace(self.course, start=moved)
+            self.restart()
+            return
         self.phase.replica_starts = starts
         self.phase.live.write_rows([scene.forces for scene in scenes for _ in range(self.phase.copies)])
         self.restart()

@@ -209,7 +209,7 @@ class Simulation:
 
     @in_turn
     def place_replicas(self, starts: Sequence[Snapshot], scenes: Sequence[SceneSpec] = ()) -> None:
-        """Go back to the time of the start, each replica to a start of its own, with the `live` parameters of its own scene."""
+        """Go back to the time of the start, each replica to its own, with its scene's `live` parameters; see PhaseRunner."""
         self._runner.place_replicas(tuple(starts), scenes or [self.spec] * len(starts))
 
     @in_turn

@@ -14,6 +14,7 @@ from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, REFUSED, Member, MemberRow, one_line, refused
 from mpp_taichi.sweep.replicas import Bench
 from mpp_taichi.sweep.samples import MemberParticles
+from mpp_taichi.sweep.structure import key_alone
 
 
 class _Ended(Exception):
@@ -76,12 +77,13 @@ class _Looker:
 
 def run_alone(member: Member, bench: Bench) -> MemberRow:
     """The row of a member."""
-    spec, device = member.spec, bench.device
+    spec, key = member.spec, key_alone(member.spec, member.start)
     try:
-        simulation = Simulation(spec, backend=device.backend, precision=device.precision, threads=device.threads)
+        simulation = bench.single(member, key)
     except MppError as error:
         return refused(member.number, error)
-    with simulation:
+    is_sound = False
+    try:
         total = spec.run.steps if spec.run.duration is None else step_count(spec, spec.run.duration)
         gauges = Gauges([member], stride_of(spec.run, total or 0), simulation.device.precision)
         looker = _Looker(gauges, bench.look)
@@ -97,4 +99,7 @@ def run_alone(member: Member, bench: Bench) -> MemberRow:
             gauges.end(0, simulation.time, simulation.step_count, status=status, reason=one_line(error))
         row = gauges.rows[0]
         assert row is not None
+        is_sound = row.status != DIVERGED
         return row
+    finally:
+        bench.give_back(simulation, key if is_sound else None)

@@ -13,6 +13,7 @@ from mpp_taichi.scene.sweep_model import MOST_MEMBERS, length
 from mpp_taichi.scene.sweep_spec import AxisSpec, SweepSpec
 from mpp_taichi.wording.told_apart import told_apart
 
+ROUNDED = 2.0**-49  # relative rounding error of a power
 BLOCK = 4096  # random points that share a generator, so that any of them is found without those before it
 
 
@@ -118,7 +119,14 @@ def along(axis: AxisSpec) -> np.ndarray:
         return np.array(axis.values) if numeric else np.array(axis.values, dtype=object)
     assert axis.count is not None
     parts = axis.count - 1 if axis.endpoint else axis.count
-    values = scaled(axis, np.arange(axis.count) / max(parts, 1))
+    number, parts = np.arange(axis.count), max(parts, 1)
+    if axis.scale == "linear":
+        # Whole numbers where the ends and the steps are whole, which low + (high − low) k/parts is not.
+        values = (axis.low * (parts - number) + axis.high * number) / parts
+    else:
+        values = scaled(axis, number / parts)
+        whole = np.rint(values)  # such as 10 and 100 between 1 and 1000
+        values = np.where(np.abs(values - whole) <= ROUNDED * np.abs(whole), whole, values)
     if axis.endpoint and axis.count > 1:
         values[-1] = axis.high  # without a rounding error
     return values

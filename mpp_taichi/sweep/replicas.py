@@ -53,11 +53,30 @@ class Bench:
                 plan="replicas",
                 replica_starts=tuple(starts),
             )
-        self._kept[key] = known
-        while len(self._kept) > KEPT:
-            self._kept.popitem(last=False)[1].close()
+        self._keep(key, known)
         known.place_replicas(starts, scenes)
         return known
+
+    def single(self, member: Member, key: Hashable | None) -> Simulation:
+        """A simulation of one member at its start; one that was `kept` under the same key, if there is one."""
+        known = None if key is None else self._kept.pop(key, None)
+        if known is not None:
+            known.place_replicas([member.start])
+            return known
+        device = self.device
+        return Simulation(member.spec, backend=device.backend, precision=device.precision, threads=device.threads)
+
+    def give_back(self, simulation: Simulation, key: Hashable | None) -> None:
+        """Keep the simulation of a member that has ended for the next member with the same key; close it without a key."""
+        if key is None:
+            simulation.close()
+        else:
+            self._keep(key, simulation)
+
+    def _keep(self, key: Hashable, simulation: Simulation) -> None:
+        self._kept[key] = simulation
+        while len(self._kept) > KEPT:
+            self._kept.popitem(last=False)[1].close()
 
 
 def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[MemberRow]:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.contacts.events.grid import Grid
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import contact_setup
 
 Own = frozenset[tuple[str, str]]
 SHARED_ARRAYS = ("radius", "free", "color")
@@ -57,12 +59,35 @@ def key_of(spec: SceneSpec, start: Snapshot, own: Own = frozenset()) -> Hashable
     arrays = [getattr(start, name) for name in SHARED_ARRAYS]
     arrays += [start.springs.between, np.array([bool((start.springs.damping != 0.0).any())])]
     arrays += [start.rods.between, start.rods.length, start.mass > 0.0]
+    measures = () if spec.sweep is None else tuple((each.quantity, _told(each.parameters)) for each in spec.sweep.measure)
+    return (spec.dimensions, spec.spring_damping, _told(vars(spec.run)), tuple(entries), measures, _digest(arrays))
+
+
+def _digest(arrays: Sequence[np.ndarray]) -> str:
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(str(array.shape).encode())
         digest.update(np.ascontiguousarray(array).tobytes())
-    measures = () if spec.sweep is None else tuple((each.quantity, _told(each.parameters)) for each in spec.sweep.measure)
-    return (spec.dimensions, spec.spring_damping, _told(vars(spec.run)), tuple(entries), measures, digest.hexdigest())
+    return digest.hexdigest()
+
+
+def key_alone(spec: SceneSpec, start: Snapshot) -> Hashable | None:
+    """All but the places and velocities at the start: members with the same key use one compiled simulation in turn.
+
+    None where what is compiled follows from more than that, and each member is compiled by itself.
+    """
+    if spec.timeline or tree_of(spec) is not None:
+        return None
+    arrays = [start.mass, start.charge, *(getattr(start.springs, name) for name in ("stiffness", "damping", "rest_length"))]
+    contacts = spec.contacts
+    bounces: tuple[Any, ...] = ()
+    if contacts is not None:
+        pairs = tuple((pair.between, pair.restitution) for pair in contacts.pairs)
+        bounces = (contacts.solver.name, _told(contacts.solver.parameters), pairs)
+        if component.flag("contacts", contacts.solver.name, "flies"):  # contacts are searched from cell to cell of a grid
+            grid = Grid.around(contact_setup(spec, start), start.position[:, : spec.dimensions])
+            bounces += (grid.low, grid.edge, grid.cells, tuple(grid.big.tolist()))
+    return ("alone", key_of(spec, start), bounces, _digest(arrays))
 
 
 def why_alone(spec: SceneSpec) -> str:

@@ -234,6 +234,58 @@ def test_gases_run_one_after_the_other_with_the_bits_of_a_run():
             assert row.values[1] == simulation.diagnostics()["kinetic_energy"]
 
 
+SOLVERS = {
+    "event_driven": {"event_driven": {"dt": 0.05}},
+    "swept": {"leapfrog": {"dt": 0.005}},
+    "pairwise": {"leapfrog": {"dt": 0.005}},
+    "simultaneous": {"leapfrog": {"dt": 0.005}},
+    "resting": {"leapfrog": {"dt": 0.005}},
+    "merging": {"leapfrog": {"dt": 0.005}},
+    "located": {"adaptive_bogacki_shampine": {"dt": 0.05}},
+}
+WALLS = {
+    "box": [{"box": {"lower": [0, 0], "upper": [1, 1]}}],
+    "periodic": [{"periodic_box": {"lower": [0, 0], "upper": [1, 1]}}],
+    "none": [],
+}
+
+
+@pytest.mark.parametrize(
+    "solver, walls",
+    [*((each, "box") for each in SOLVERS if each != "merging"), ("event_driven", "periodic"), ("swept", "none")]
+    + [("event_driven", "none"), ("merging", "none")],
+)
+@pytest.mark.sampled(5)
+def test_members_that_use_one_simulation_in_turn_have_the_bits_of_members_that_do_not(solver, walls):
+    scene = {
+        **GAS,
+        "contacts": {"hard_spheres": {"solver": solver}},
+        "integrator": SOLVERS[solver],
+        "walls": WALLS[walls],
+        "forces": [{"uniform_gravity": {"acceleration": [0, -1]}}] if walls == "box" else [],
+    }
+    measure = ["collision_count", "kinetic_energy", {"position": {"of": 3, "axis": "x"}}, "momentum", "end_time"]
+    store = sweep(scene, vary={"seed": [1, 2, 3, 4]}, measure=measure)
+    bench = Bench(MemberDevice("cpu", "f64", 1))
+    together = rows_of(store, [3, 0, 2, 1], bench)
+    again = rows_of(store, [1, 0], bench)
+    assert all(row.status == "ok" and (row.values[0] > 5 or solver == "merging") for row in together)
+    alone = [row for number in (0, 1, 3) for row in rows_of(store, [number])]
+    known = dict(zip((each[0] for each in bits(alone)), bits(alone), strict=True))
+    for row in [*bits(together), *bits(again)]:
+        assert row[0] == 2 or row == known[row[0]]
+
+
+@pytest.mark.sampled(3)
+def test_members_use_one_simulation_in_turn_only_where_places_and_velocities_differ(monkeypatch):
+    made = []
+    monkeypatch.setattr("mpp_taichi.sweep.replicas.Simulation", lambda *a, **k: made.append(1) or Simulation(*a, **k))
+    vary = {"seed": [1, 2], "contacts.hard_spheres.restitution": [1, 0.5], "particles[0].gas.radius": [0.02, 0.021]}
+    store = sweep(GAS, vary=vary, measure=["collision_count", "kinetic_energy"])
+    found = {tuple(row.values) for row in rows_of(store)}
+    assert len(made) == 4 and len(found) == 8
+
+
 @pytest.mark.parametrize("precision", ["f32", "f32c", "ds"])
 @pytest.mark.sampled(3)
 def test_other_precisions(precision):

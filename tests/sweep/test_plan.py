@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mpp_taichi import CapacityError, SceneError, load_scene
+from mpp_taichi.scene.sweep_spec import AxisSpec
 from mpp_taichi.sweep.order import coarse_to_fine
-from mpp_taichi.sweep.plan import Plan
+from mpp_taichi.sweep.plan import Plan, along
 
 SCENE = {
     "constants": {"speed": 1, "place": 0},
@@ -115,3 +116,14 @@ def test_a_fault_is_placed_at_its_line(tmp_path):
     )
     with pytest.raises(SceneError, match=r"s\.yaml:6:\d+: sweep\.vary\.seed\.to: unknown name 'x'"):
         load_scene(tmp_path / "s.yaml")
+
+
+@pytest.mark.parametrize("low, high, count", [(1, 40, 40), (1, 200, 200), (-3, 300, 102), (0, 10**9, 11)])
+def test_a_range_of_whole_numbers_has_whole_numbers(low, high, count):
+    values = along(AxisSpec("seed", low=low, high=high, count=count))
+    np.testing.assert_array_equal(values, np.arange(low, high + 1, (high - low) // (count - 1)))
+
+
+def test_decades_are_whole_numbers():
+    values = along(AxisSpec("particles[0].gas.count", low=1, high=10**6, count=7, scale="logarithmic"))
+    np.testing.assert_array_equal(values, 10.0 ** np.arange(7))

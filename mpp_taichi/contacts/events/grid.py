@@ -9,6 +9,8 @@ from mpp_taichi.wording.told_apart import told_apart
 
 # Excess of the edge of a cell over the largest diameter: more than round-off, so that touching spheres are in touching cells.
 MARGIN = 1e-3
+# Share of the room between two walls from which on spheres fill it.
+FILLED = 0.5
 # Number of diameters that are tried as the largest diameter of a sphere in a cell.
 CUTS = 32
 # Largest number of cells for each sphere.
@@ -43,8 +45,8 @@ class Grid:
                 axis = "xyz"[k]
                 edge, largest = told_apart(p, diameter.max())
                 raise ValueError(f"periodic box: its edge {edge} along {axis} is less than a sphere's diameter, {largest}")
-        low = np.where(period > 0, setup.enclosure.origin[:d], position.min(axis=0))
-        extent = np.where(period > 0, period, np.ptp(position, axis=0))
+        room, origin = _room(setup, position), np.array(setup.enclosure.origin[:d])
+        low, extent = np.where(period > 0, origin, room[0]), np.where(period > 0, period, room[1] - room[0])
         cut = _largest_in_cells(diameter, extent, period)
         # A dilute gas has fewer contacts than crossings.
         edge = max(cut * (1 + MARGIN), _edge_for_count(extent, CELLS * setup.particle_count)) or 1.0
@@ -70,6 +72,23 @@ class Grid:
                 key |= ((cell[:, k].astype(np.int64) >> bit) & 1) << (bit * cell.shape[1] + k)
         key[self.big] = np.iinfo(np.int64).max
         return np.argsort(key, kind="stable")
+
+
+def _room(setup: ContactSetup, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest coordinates: of the walls along an axis that the spheres fill, so that gases share a grid."""
+    low, high = position.min(axis=0), position.max(axis=0)
+    at_rest = [each for each in setup.enclosure.surfaces if not any(each.velocity)]
+    corners = np.array([place for each in at_rest if each.kind == "segment" for place in (each.point, each.end)])
+    for k in range(setup.dimensions):
+        planes = [each for each in at_rest if each.kind == "plane"]
+        ends = [[each.point[k] for each in planes if each.direction[k] == side] for side in (1.0, -1.0)]
+        if len(corners) and k < 2 and not any(ends):
+            ends = [[corners[:, k].min()], [corners[:, k].max()]]
+        if all(ends):
+            begin, end = max(ends[0]), min(ends[1])
+            if begin <= low[k] and high[k] <= end and high[k] - low[k] >= FILLED * (end - begin):
+                low[k], high[k] = begin, end
+    return low, high
 
 
 def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarray) -> float:
