@@ -26,6 +26,7 @@ class ContactSolver:
     any_frame       whether it reads differences of positions and of velocities only, so that the state may be in a moving frame
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
+    takes_restitution   whether restitutions may change between two runs of what is compiled: `take_restitution`
     takes_tangent   whether it can carry a small deviation of the spheres through flights and collisions
     follows_deviation   whether it does, in the fields `tangent_…` of the state; set before `bind`
     forces          the TotalForce that acts on the spheres, or None; set before `bind`
@@ -44,6 +45,7 @@ class ContactSolver:
     order: int | None = None
     can_log = False
     logs = False
+    takes_restitution = False
     takes_tangent = False
     follows_deviation = False
     in_turn = ""
@@ -60,6 +62,10 @@ class ContactSolver:
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Take the spheres, and the State whose positions and velocities are to be changed; allocate the fields."""
+        raise NotImplementedError
+
+    def take_restitution(self, restitution: float, setup: ContactSetup) -> None:
+        """Bounce with the restitutions of another setup of the same spheres, and with this one where it gives none."""
         raise NotImplementedError
 
     def prepare(self, time: float) -> None:

@@ -59,6 +59,7 @@ class EventDriven(ContactSolver):
     in_turn = "it takes one event after the other from a queue"
     can_log = True
     takes_tangent = True
+    takes_restitution = True
     log_capacity = 65_536  # contacts that are logged on the device before the host takes them
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
@@ -87,12 +88,18 @@ class EventDriven(ContactSolver):
         builder.place(self.event_time)
         builder.dense(ti.i, 2).place(self.culprits)
         self._trees = lines.place(), builder.finalize()
-        self.collision.write()
+        self.collision.write(self.setup)
         self.look_ahead.write()
         # Where the queue has an event follows from the times of all events, so that the queue is sorted anew.
         parts = (self.spheres, self.cells, self.queue, self.prediction, *([self.deviation] if self.deviation else []))
         self._lasting = tuple(field for part in parts for field in part.lasting)
         self._saved = MixedFields(self._lasting)
+
+    def take_restitution(self, restitution: float, setup: ContactSetup) -> None:
+        """Write the table of restitutions, which is no part of the kernels."""
+        self.restitution = restitution
+        self.setup = setup.with_bounces(restitution, self.contact_time)
+        self.collision.write(self.setup)
 
     def prepare(self, time: float) -> None:
         """Begin at `time` from the state."""

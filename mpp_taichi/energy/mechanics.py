@@ -8,6 +8,8 @@ import numpy as np
 from mpp_taichi.snapshot import Snapshot
 
 ALL = slice(None)
+FEW_COPIES = 8
+"""Copies up to which a sum is taken number by number."""
 
 
 def total(terms: np.ndarray) -> float:
@@ -35,11 +37,23 @@ def sums(terms: np.ndarray) -> np.ndarray:
 
     The bits of a sum do not depend on the number of copies. Source: Neumaier, Z. Angew. Math. Mech. 54 (1974) 39.
     """
+    if len(terms) <= FEW_COPIES:
+        return np.array([_sum(row) for row in terms.tolist()])
     result, lost = np.zeros(len(terms)), np.zeros(len(terms))
     for term in terms.T:
         added = result + term
         larger = np.abs(result) >= np.abs(term)
         lost += np.where(larger, (result - added) + term, (term - added) + result)
+        result = added
+    return result + lost
+
+
+def _sum(terms: list[float]) -> float:
+    """`sums` of one copy, with the same bits: numbers of Python are quicker than short arrays."""
+    result = lost = 0.0
+    for term in terms:
+        added = result + term
+        lost += (result - added) + term if abs(result) >= abs(term) else (term - added) + result
         result = added
     return result + lost
 

@@ -242,6 +242,13 @@ class CompiledPhase:
             self.tangent.begin()
         self._begin_afresh(dt)
 
+    def take_restitution(self, spec: SceneSpec) -> None:
+        """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""
+        if self.contacts is not None and self.contacts.takes_restitution:
+            assert spec.contacts is not None
+            restitution = spec.contacts.solver.parameters["restitution"]
+            self.contacts.take_restitution(restitution, contact_setup(spec, self.particles, force_free=True))
+
     def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
         """Go on from the state of an earlier phase, bit for bit, with steps of `dt`; an axis that is held from now on stops."""
         if earlier is not self:

@@ -70,12 +70,14 @@ class PhaseRunner:
     def place_replicas(self, starts: tuple[Snapshot, ...], scenes: Sequence[SceneSpec]) -> None:
         """Go back to the start of the course, each replica to a start of its own, with the parameters of its own scene.
 
-        A run of one copy goes to the places and velocities of one start, with all other numbers as they are.
+        A run of one copy goes to the places and velocities of one start, with the restitutions of its scene where its contact
+        solver can, and with all other numbers as they are.
         """
         if not self.phase.replica_starts:
             (start,), before = starts, self.course.start
             moved = before.moved(position=start.position, velocity=start.velocity, time=before.time, step=before.step)
             self.course = replace(self.course, start=moved)
+            self.phase.take_restitution(scenes[0])
             self.restart()
             return
         self.phase.replica_starts = starts

@@ -16,7 +16,8 @@ from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, STALLED, Member, MemberRow, refused
 from mpp_taichi.sweep.samples import MemberMoment
 
-KEPT = 4  # simulations whose kernels are kept for the next chunk
+KEPT, KEPT_SMALL = 4, 16  # simulations whose kernels are kept for the next chunk, and where the last of them is small
+FEW_PARTICLES = 5000
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Bench:
         """A simulation of one member at its start; one that was `kept` under the same key, if there is one."""
         known = None if key is None else self._kept.pop(key, None)
         if known is not None:
-            known.place_replicas([member.start])
+            known.place_replicas([member.start], [member.spec])
             return known
         device = self.device
         return Simulation(member.spec, backend=device.backend, precision=device.precision, threads=device.threads)
@@ -75,7 +76,8 @@ class Bench:
 
     def _keep(self, key: Hashable, simulation: Simulation) -> None:
         self._kept[key] = simulation
-        while len(self._kept) > KEPT:
+        most = KEPT if simulation.state.total_count > FEW_PARTICLES else KEPT_SMALL
+        while len(self._kept) > most:
             self._kept.popitem(last=False)[1].close()
 
 

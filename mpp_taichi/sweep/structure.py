@@ -72,7 +72,7 @@ def _digest(arrays: Sequence[np.ndarray]) -> str:
 
 
 def key_alone(spec: SceneSpec, start: Snapshot) -> Hashable | None:
-    """All but the places and velocities at the start: members with the same key use one compiled simulation in turn.
+    """All but places, velocities, and restitutions that a solver takes: members with this key use one simulation in turn.
 
     None where what is compiled follows from more than that, and each member is compiled by itself.
     """
@@ -82,8 +82,11 @@ def key_alone(spec: SceneSpec, start: Snapshot) -> Hashable | None:
     contacts = spec.contacts
     bounces: tuple[Any, ...] = ()
     if contacts is not None:
-        pairs = tuple((pair.between, pair.restitution) for pair in contacts.pairs)
-        bounces = (contacts.solver.name, _told(contacts.solver.parameters), pairs)
+        pairs, parameters = contacts.pairs, contacts.solver.parameters
+        own = component.flag("contacts", contacts.solver.name, "takes_restitution")
+        told = {name: value for name, value in parameters.items() if not (own and name == "restitution")}
+        between = tuple((pair.between, None if own else pair.restitution) for pair in pairs)
+        bounces = (contacts.solver.name, _told(told), between)
         if component.flag("contacts", contacts.solver.name, "flies"):  # contacts are searched from cell to cell of a grid
             grid = Grid.around(contact_setup(spec, start), start.position[:, : spec.dimensions])
             bounces += (grid.low, grid.edge, grid.cells, tuple(grid.big.tolist()))

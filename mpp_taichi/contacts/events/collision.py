@@ -37,7 +37,6 @@ class Collision:
         self.spheres, self.cells, self.walls = spheres, cells, walls
         self.deviation, self.follows_deviation = deviation, deviation is not None
         self.contact_time = float(setup.contact_time)
-        self.restitution = tuple(tuple(float(e) for e in row) for row in np.asarray(setup.restitution))
         wide = spheres.wide
         self.pair_count, self.wall_count, self.elastic_count = (ti.field(ti.i32) for _ in range(3))
         self.unresolved = ti.field(ti.i32)
@@ -54,10 +53,10 @@ class Collision:
         self._before = ContactReport()
         builder.dense(ti.ij, np.asarray(setup.restitution).shape).place(self.table)
 
-    def write(self) -> None:
+    def write(self, setup: ContactSetup) -> None:
         """Fill the table of restitutions."""
         real = np.float32 if self.table.dtype == ti.f32 else np.float64
-        self.table.from_numpy(np.array(self.restitution, dtype=real))
+        self.table.from_numpy(np.array(setup.restitution, dtype=real))
 
     def contacts(self) -> int:
         """Number of contacts since the last `collect`."""
