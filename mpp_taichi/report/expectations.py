@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mpp_taichi import component
 from mpp_taichi.diagnostics._base import Diagnostic
 from mpp_taichi.diagnostics._reductions import reduced
@@ -183,14 +185,20 @@ def _names(expectation: Expectation, setting: Setting | None) -> dict[str, str]:
 
 def holds(expectation: Expectation, value: float, precision: str) -> bool:
     """Whether the value is finite and within every bound of the expectation."""
-    if not math.isfinite(value):
-        return False
+    return bool(hold(expectation, np.array([value]), precision)[0])
+
+
+def hold(expectation: Expectation, values: np.ndarray, precision: str) -> np.ndarray:
+    """For each value whether it is finite and within every bound of the expectation."""
     below, above, near, within = expectation.below, expectation.above, expectation.near, expectation.within
-    if below is not None and not abs(value) < below[precision]:
-        return False
-    if above is not None and not value > above[precision]:
-        return False
-    return near is None or abs(value - near) <= tolerance(near, within[precision] if within else 0.0)
+    found = np.isfinite(values)
+    if below is not None:
+        found &= np.abs(values) < below[precision]
+    if above is not None:
+        found &= values > above[precision]
+    if near is not None:
+        found &= np.abs(values - near) <= tolerance(near, within[precision] if within else 0.0)
+    return found
 
 
 def tolerance(near: float, within: float) -> float:

@@ -94,6 +94,9 @@ class Launcher(ABC):
     def set_up(self) -> None:  # noqa: B027 — most kinds of step have nothing to do here
         """Keep the values that follow from the parts."""
 
+    def use(self, count: int) -> None:  # noqa: B027 — other kinds of step advance all replicas
+        """Advance only the first `count` replicas from now on, where this kind of step can; the others are spare places."""
+
     def destroy(self) -> None:  # noqa: B027 — most have no memory beside the state
         """Free the memory of the launcher."""
 

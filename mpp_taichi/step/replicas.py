@@ -25,10 +25,14 @@ class Replicas(Launcher):
     def set_up(self) -> None:
         """Choose how many copies a thread has, and how."""
         self.together = INTERLEAVED if self.grain > 1 else 1
-        self.blocks = -(-self.state.replica_count // self.together)
+        self.used = self.state.replica_count
         self.lanes: LaneState | None = None
         if may_have_lanes(self):
             self.lanes, self.lane_force = LaneState(self.state), self.total_force.with_pairs_in_turn()
+
+    def use(self, count: int) -> None:
+        """Advance only the first replicas."""
+        self.used = count
 
     def destroy(self) -> None:
         """Free the memory of the lanes."""
@@ -39,17 +43,19 @@ class Replicas(Launcher):
         """One kernel for all replicas and steps."""
         if self.lanes is not None:
             with explicit_vectors():
-                self._advance_lanes(time, dt, first, last)
+                self._advance_lanes(time, dt, first, last, -(-self.used // self.lanes.lane_count))
             return
         with self.compiled():
-            self._advance(time, dt, first, last)
+            self._advance(time, dt, first, last, self.used)
 
     @ti.kernel
-    def _advance(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
-        for q in range(self.blocks * self.grain):
+    def _advance(self, time: float, dt: float, begin: ti.i32, end: ti.i32, used: ti.i32):
+        # On a GPU the number is a part of the kernel: another kernel would round in another way.
+        blocks = (used + self.together - 1) // self.together if ti.static(self.grain > 1) else self.state.replica_count
+        for q in range(blocks * self.grain):
             if is_heavy(q, self.grain):
                 block = q // self.grain
-                beyond = ti.min((block + 1) * self.together, self.state.replica_count)
+                beyond = ti.min((block + 1) * self.together, used if ti.static(self.grain > 1) else self.state.replica_count)
                 for s in range(begin, end):
                     for replica in range(block * self.together, beyond):
                         self.total_force.at_replica(replica)
@@ -57,8 +63,8 @@ class Replicas(Launcher):
                         self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")
 
     @ti.kernel
-    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
-        for q in range(self.lanes.block_count * self.grain):
+    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32, blocks: ti.i32):
+        for q in range(blocks * self.grain):
             if is_heavy(q, self.grain):
                 block = q // self.grain
                 self.lane_force.at_replica(block * self.lanes.lane_count, self.lanes.lane_count)

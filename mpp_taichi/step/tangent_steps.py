@@ -23,6 +23,7 @@ class TangentSteps(Launcher):
         """Build the state of dual numbers, and the force that sums them."""
         self.dual_state, self.dual_force = TangentState(self.state), self.total_force.with_pairs_in_turn()
         self.lanes: LaneState | None = None
+        self.used = self.state.replica_count
         if self.state.replica_count > 1 and may_have_lanes(self):
             self.lanes = LaneState(self.state)
             self.dual_lanes = TangentState(self.lanes)
@@ -38,11 +39,15 @@ class TangentSteps(Launcher):
         """One kernel for all copies and steps."""
         if self.lanes is not None:
             with explicit_vectors():
-                self._advance_lanes(time, dt, first, last)
+                self._advance_lanes(time, dt, first, last, -(-self.used // self.lanes.lane_count))
         elif self.state.replica_count == 1:
             self._advance_one(time, dt, first, last)
         else:
-            self._advance_all(time, dt, first, last)
+            self._advance_all(time, dt, first, last, self.used)
+
+    def use(self, count: int) -> None:
+        """Advance only the first replicas."""
+        self.used = count
 
     def destroy(self) -> None:
         """Free the memory of the lanes."""
@@ -50,8 +55,8 @@ class TangentSteps(Launcher):
             self.lanes.destroy()
 
     @ti.kernel
-    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
-        for q in range(self.lanes.block_count * self.grain):
+    def _advance_lanes(self, time: float, dt: float, begin: ti.i32, end: ti.i32, blocks: ti.i32):
+        for q in range(blocks * self.grain):
             if is_heavy(q, self.grain):
                 block = q // self.grain
                 self.dual_force.at_replica(block * self.lanes.lane_count, self.lanes.lane_count)
@@ -72,8 +77,10 @@ class TangentSteps(Launcher):
             self.meter.measure(0, dt)
 
     @ti.kernel
-    def _advance_all(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
-        for q in range(self.state.replica_count * self.grain):
+    def _advance_all(self, time: float, dt: float, begin: ti.i32, end: ti.i32, used: ti.i32):
+        # On a GPU the number is a part of the kernel: another kernel would round in another way.
+        count = used if ti.static(self.grain > 1) else self.state.replica_count
+        for q in range(count * self.grain):
             if is_heavy(q, self.grain):
                 replica = q // self.grain
                 self.dual_force.at_replica(replica)

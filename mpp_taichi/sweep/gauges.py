@@ -11,7 +11,7 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.quantities._base import NoResultError, Quantity, Setting
-from mpp_taichi.report.expectations import bound_text, diagnostic_of, holds, label_of
+from mpp_taichi.report.expectations import bound_text, diagnostic_of, hold, holds, label_of
 from mpp_taichi.scene.expectations import kind_of, reduction_keys
 from mpp_taichi.scene.spec import Expectation, RunSpec
 from mpp_taichi.sweep.extremes import Extremes, ValuesAtTime
@@ -60,11 +60,12 @@ class Gauges:
         self._guards = [_reduction(each, members, settings) for each in self._stops]
         self.due = np.zeros(len(members), np.int64)
         self.rows: list[MemberRow | None] = [None] * len(members)
+        self._runs = np.ones(len(members), bool)
 
     @property
     def active(self) -> np.ndarray:
         """Numbers of the members that have not ended, in these arrays."""
-        return np.array([k for k, row in enumerate(self.rows) if row is None], np.int64)
+        return np.flatnonzero(self._runs)
 
     def look(self, sample: Any, who: np.ndarray, step: int, dt: float) -> None:
         """Take a sample of these members at a step; those end for which a condition of `stop:` does not hold any more."""
@@ -78,9 +79,9 @@ class Gauges:
         for condition, guard in zip(self._stops, self._guards, strict=True):
             is_time = condition.quantity in CLOCK
             values = np.full(len(self.members), sample.time) if is_time else guard.results()
-            for k in who[np.isfinite(values[who])].tolist():
-                if self.rows[k] is None and not holds(condition, values[k], self.precision):
-                    self.end(k, sample.time, step, status=STOPPED, reason=self._beyond(condition, values[k]))
+            asked = who[np.isfinite(values[who]) & self._runs[who]]
+            for k in asked[~hold(condition, values[asked], self.precision)].tolist():
+                self.end(k, sample.time, step, status=STOPPED, reason=self._beyond(condition, values[k]))
 
     def end(self, k: int, time: float, step: int, *, status: str = OK, particle: int = -1, reason: str = "") -> None:
         """The member k has ended; its last sample was taken then, unless it broke down."""
@@ -104,6 +105,7 @@ class Gauges:
             ]
             broken = self._broken_bound(values) if status == OK else ""
             told = BROKEN if broken else status
+            self._runs[k] = False
             self.rows[k] = MemberRow(self.members[k].number, told, values, time, step, particle, broken or reason)
 
     def _broken_bound(self, values: Sequence[float]) -> str:

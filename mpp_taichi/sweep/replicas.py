@@ -3,21 +3,27 @@
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import MppError, StabilityError
+from mpp_taichi.scene.asked_quantities import asks_for_derivative
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import springs_differ
 from mpp_taichi.stability import StepGuard
 from mpp_taichi.stability.network import drag_of
+from mpp_taichi.state.tangent_growth import copies_of
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, STALLED, Member, MemberRow, refused
 from mpp_taichi.sweep.samples import MemberMoment
 
 KEPT, KEPT_SMALL = 4, 16  # simulations whose kernels are kept for the next chunk, and where the last of them is small
 FEW_PARTICLES = 5000
+SIZES = (32, 256, 2048)  # of simulations with spare places
+MOST_SPARE = 200_000  # particles of a simulation with spare places
 
 
 @dataclass(frozen=True)
@@ -40,9 +46,9 @@ class Bench:
     def simulation(self, key: Hashable, members: Sequence[Member]) -> Simulation:
         """A simulation of these members at their starts, one replica each."""
         scenes, starts = [each.spec for each in members], [each.start for each in members]
-        while len(starts) < 2 or len(starts) & (len(starts) - 1):  # few sizes, so that few kernels are compiled
-            scenes.append(scenes[0])
-            starts.append(starts[0])
+        spare = places_for(members, on_cpu=self.device.backend == "cpu") - len(members)
+        scenes += scenes[:1] * spare
+        starts += starts[:1] * spare
         key = (key, len(starts), springs_differ(starts))
         known = self._kept.pop(key, None)
         if known is None:
@@ -56,6 +62,7 @@ class Bench:
             )
         self._keep(key, known)
         known.place_replicas(starts, scenes)
+        known.phase.launcher.use(len(members) * known.phase.copies)
         return known
 
     def single(self, member: Member, key: Hashable | None) -> Simulation:
@@ -79,6 +86,21 @@ class Bench:
         most = KEPT if simulation.state.total_count > FEW_PARTICLES else KEPT_SMALL
         while len(self._kept) > most:
             self._kept.popitem(last=False)[1].close()
+
+
+def places_for(members: Sequence[Member], *, on_cpu: bool) -> int:
+    """Replicas of a simulation for these members: few sizes, so that few kernels are compiled.
+
+    Spare places cost memory alone, but for methods whose launchers advance all replicas, and on a GPU.
+    """
+    count = max(2, len(members))
+    spec, start = members[0].spec, members[0].start
+    copies = copies_of(start.free, spec.dimensions) if asks_for_derivative(spec) else 1
+    method: Any = component.load("integrators", spec.integrator.name)
+    for size in SIZES if on_cpu and method.launchers.replicas == "replicas" else ():
+        if count <= size and size * copies * start.particle_count <= MOST_SPARE:
+            return size
+    return 1 << (count - 1).bit_length()
 
 
 def run_together(key: Hashable, members: Sequence[Member], bench: Bench) -> list[MemberRow]:

@@ -50,6 +50,9 @@ class MemberMoment:
     @cached_property
     def broken(self) -> np.ndarray:
         """For each member the first particle that is not finite, or −1."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(self.vectors[0].sum() + self.vectors[1].sum()):  # so that none is
+                return np.full(len(self.members), -1)
         finite = np.isfinite(self.vectors[0]).all(axis=2) & np.isfinite(self.vectors[1]).all(axis=2)
         return np.where(finite.all(axis=1), -1, np.argmin(finite, axis=1))
 

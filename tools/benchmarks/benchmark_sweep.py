@@ -8,12 +8,17 @@ step, as `megno` needs it; the same steps with REBOUND's leapfrog
 nanoseconds for a step of a member. REBOUND sums the three pairs by the same formula; its set-up is not counted.
 
 Then the verb: the whole of a sweep that measures the end of each member, with reading and placing members, samples, chunks,
-table and pictures, beside the time of its launches, which the first part tells.
+table and pictures, beside the time of its launches, which the first part tells; and the same command again, which finds all
+chunks done and writes table and pictures: the share of the store.
+
+At last members that are not such replicas: gases of 100 disks, and chains of 64 masses on springs of their own, by a sweep of
+two processes and by processes that run one member each, two at a time, whose kernels are compiled already.
 """
 
 import argparse
 import json
 import multiprocessing
+import subprocess
 import sys
 import tempfile
 import time
@@ -24,6 +29,32 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 DT = 0.1
+GAS = """
+dimensions: 2
+particles:
+  - gas: {name: gas, count: 100, lower: [0, 0], upper: [10, 10], radius: 0.2, temperature: 1}
+contacts: {hard_spheres: {solver: event_driven}}
+walls:
+  - box: {lower: [0, 0], upper: [10, 10]}
+run: {duration: 20}
+seed: 1
+"""
+CHAIN = """
+dimensions: 2
+constants: {stiffness: 100}
+particles:
+  - body: {mass: 1, position: [0, 0], free: false}
+  - repeat: {count: 62, as: i, body: {mass: 1, position: [i + 1, 0.1 * sin(pi * (i + 1) / 63)]}}
+  - body: {mass: 1, position: [63, 0], free: false}
+springs:
+  - repeat: {count: 63, as: i, link: {between: [i, i + 1], stiffness: stiffness, rest_length: 0.9}}
+integrator: {leapfrog: {dt: 0.01}}
+run: {duration: 100}
+"""
+OTHERS = {
+    "gas of 100 disks": (GAS, "seed", "collision_count"),
+    "chain of 64 masses": (CHAIN, "constants.stiffness", "kinetic_energy"),
+}
 
 
 def starts(members):
@@ -149,10 +180,38 @@ def measure_verb(members, steps):
         words = ["sweep", "kepler16", "--quiet", "--steps", str(steps), "--workers", "2", "--out", folder + "/x.sweep"]
         words += ["--vary", f"constants.distance=0.5:1.2:{side}", "--vary", f"constants.phase=0:360:{side}"]
         words += ["--measure", "end_time", "--measure", "position: {of: planet, axis: x}"]
-        began = time.perf_counter()
-        if main(words):
-            raise SystemExit("the sweep failed")
-        return side * side, time.perf_counter() - began
+        times = []
+        for _ in range(2):
+            began = time.perf_counter()
+            if main(words):
+                raise SystemExit("the sweep failed")
+            times.append(time.perf_counter() - began)
+        return side * side, *times
+
+
+def measure_others(members, runs):
+    """For each kind of scene the seconds of a member in a sweep, and in a process of its own."""
+    rows = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (text, key, measure) in OTHERS.items():
+            path = Path(folder) / f"{name.split()[0]}.yaml"
+            path.write_text(text, encoding="utf-8")
+            command = [sys.executable, "-m", "mpp_taichi"]
+            sweep = [*command, "sweep", str(path), "--vary", f"{key}=1:{members}:{members}", "--measure", measure]
+            times = []
+            for k in range(2):  # the first compiles
+                began = time.perf_counter()
+                subprocess.run([*sweep, "--workers", "2", "--quiet", "--out", f"{folder}/{k}.sweep"], check=True)
+                times.append((time.perf_counter() - began) / members)
+            alone = [[*command, "run", str(path), "--headless", "--quiet", "--set", f"{key}={k + 1}"] for k in range(runs)]
+            subprocess.run(alone[0], check=True, capture_output=True)
+            began = time.perf_counter()
+            for k in range(0, runs, 2):
+                pair = [subprocess.Popen(words, stderr=subprocess.DEVNULL) for words in alone[k : k + 2]]
+                for each in pair:
+                    each.wait()
+            rows[name] = {"sweep": times[1], "processes": (time.perf_counter() - began) / runs}
+    return rows
 
 
 def main():
@@ -161,6 +220,7 @@ def main():
     parser.add_argument("--members", type=int, default=4096)
     parser.add_argument("--steps", type=int, default=4000)
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--others", type=int, default=200, help="members of the scenes that are not three bodies")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     rows = measure_steps(options.members, options.steps, options.repeats)
@@ -171,14 +231,21 @@ def main():
     ratio = rows["REBOUND, 2 processes"] / rows["members, 2 threads"]
     print(f"\nREBOUND's time ÷ ours, two processes: {ratio:.2f}; scaling over two threads: {scaling:.2f} of ideal")
     steps = 10 * options.steps
-    members, seconds = measure_verb(options.members, steps)
+    members, seconds, again = measure_verb(options.members, steps)
     launches = members * steps * rows["members, 2 threads"] * 1e-9
     share = 1.0 - launches / seconds
     print(f"a sweep of {members:,} members of {steps:,} steps: {seconds:.1f} s")
-    print(f"its launches: {launches:.1f} s; all else: {share:.0%}")
+    print(
+        f"its launches: {launches:.1f} s; all else: {share:.0%}; the same command again, for table and pictures: {again:.2f} s"
+    )
+    others = measure_others(options.others, 8)
+    print(f"\n{'scene':24} {'s of a member in a sweep':>26} {'in a process of its own':>26}")
+    for name, row in others.items():
+        print(f"{name:24} {row['sweep']:26.3f} {row['processes']:26.3f}")
     if options.json:
         found = {"members": options.members, "steps": options.steps, "ns": rows, "scaling": scaling, "ratio": ratio}
-        found |= {"verb": {"members": members, "steps": steps, "seconds": seconds, "launches": launches}}
+        found |= {"verb": {"members": members, "steps": steps, "seconds": seconds, "launches": launches, "again": again}}
+        found |= {"seconds_of_a_member": others}
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
