@@ -17,14 +17,14 @@ LARGE = 2.0**RANGE_BITS
 class Deviation:
     """The derivative of the motion along one direction: δx and δv of each sphere at the clock of the sphere.
 
-    In free flight δx grows by δv s, as every sphere has a constant acceleration a. A collision at the distance
-    σ, with the normal n, the relative place q, the relative velocity u and the share w of the impulse of each sphere (see
-    `impulse_between`), takes place at another time, by δτ = −(n·δq)/(n·u). At this contact
+    In free flight δx grows by δv s, as every sphere has a constant acceleration a. At a collision two spheres have the distance σ
+    along the normal n and the relative velocity u, and each takes the share w of the impulse J, its inverse mass. With the
+    relative deviation δq, δu the collision takes place at another time, by δτ = −(n·δq)/(n·u). At this contact
 
         δq′ = δq + u δτ,  δu′ = δu + (a_i − a_j) δτ,  δn = (δq′ − n (n·δq′))/σ,
         δJ = J (δ(n·u)/(n·u) − δ(n²·w)/(n²·w)),  δv_i → δv_i + w_i (δJ n + J δn),  δx_i → δx_i − w_i J n δτ.
 
-    Source: Dellago, Posch & Hoover, Phys. Rev. E 53 (1996) 1485, equations 20 and 21, for equal masses and elastic collisions.
+    Source: Dellago, Posch & Hoover, Phys. Rev. E 53 (1996) 1485, for equal masses and elastic collisions.
     Collisions that touch without approach (n·u = 0), and contacts of more than two spheres at once, have no derivative; at the
     latter this is the derivative of the collisions in the order in which they are resolved.
 
