@@ -20,9 +20,10 @@ def asked_for(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     from mpp_taichi.errors import StateError
     from mpp_taichi.scene.load import load_resolved
     from mpp_taichi.start.assemble import assemble
-    from mpp_taichi.sweep.cost import cost_of
+    from mpp_taichi.sweep.cost import compiled_share, cost_of
     from mpp_taichi.sweep.plan import Plan
     from mpp_taichi.sweep.store import SUFFIX, SweepStore, opened
+    from mpp_taichi.sweep.structure import why_alone
 
     resolved, source = _resolved(arguments)
     spec = load_resolved(resolved, source)
@@ -36,7 +37,8 @@ def asked_for(arguments: argparse.Namespace) -> "tuple[SweepStore, Cost]":
     check_paths(resolved, source, plan)
     require_room(spec)
     start = assemble(spec)
-    cost = cost_of(spec, plan.count, start.particle_count, len(start.springs))
+    compiled = compiled_share(resolved, source, plan, start.particle_count) if why_alone(spec) else 0.0
+    cost = cost_of(spec, plan.count, start, compiled)
     precision = arguments.precision or ("f64" if arguments.backend == "cpu" else "f32")
     folder = arguments.out or _options.OUTPUT_FOLDER / f"{Path(source).stem}{SUFFIX}"
     store = SweepStore(

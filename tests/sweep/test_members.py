@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, load_scene
+from mpp_taichi.start.assemble import assemble
+from mpp_taichi.sweep.cost import compiled_share, cost_of
 from mpp_taichi.sweep.replicas import Bench, MemberDevice
 from mpp_taichi.sweep.runner import run_members
 from mpp_taichi.sweep.store import SweepStore
@@ -286,6 +288,17 @@ def test_members_use_one_simulation_in_turn_only_where_places_and_velocities_dif
     assert len(made) == 2 and len({tuple(row.values) for row in rows}) == 8
     for number in (1, 2, 6):  # radius, restitution, seed
         assert bits(rows_of(store, [number])) == bits(rows[number : number + 1])
+
+
+def test_the_cost_of_gases_depends_on_how_many_are_compiled():
+    def share(vary):
+        store = sweep(GAS, vary=vary)
+        return compiled_share(store.resolved, "gas", store.plan, 30)
+
+    assert share({"seed": {"from": 1, "to": 100, "count": 100}}) == pytest.approx(1 / 12)
+    assert share({"particles[0].gas.radius": {"from": 0.01, "to": 0.02, "count": 100}}) == 1.0
+    seconds = [cost_of(sweep(GAS).scene, 100, assemble(sweep(GAS).scene), compiled).seconds for compiled in (1 / 12, 1.0)]
+    assert seconds[1] > 3 * seconds[0]
 
 
 @pytest.mark.parametrize("precision", ["f32", "f32c", "ds"])

@@ -17,8 +17,8 @@ LARGE = 2.0**RANGE_BITS
 class Deviation:
     """The derivative of the motion along one direction: δx and δv of each sphere at the clock of the sphere.
 
-    In free flight δx grows by δv s, as every sphere has a constant acceleration a. At a collision two spheres have the distance σ
-    along the normal n and the relative velocity u, and each takes the share w of the impulse J, its inverse mass. With the
+    In free flight δx grows by δv s, as every sphere has a constant acceleration a. At a collision two spheres have the distance
+    σ along the normal n and the relative velocity u, and each takes the share w of the impulse J, its inverse mass. With the
     relative deviation δq, δu the collision takes place at another time, by δτ = −(n·δq)/(n·u). At this contact
 
         δq′ = δq + u δτ,  δu′ = δu + (a_i − a_j) δτ,  δn = (δq′ − n (n·δq′))/σ,
