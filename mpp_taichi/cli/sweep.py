@@ -90,6 +90,8 @@ def _tell_cost(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace)
         "workers": workers,
         "seconds": round(seconds, 1),
         "bytes": size,
+        "status": "ok",
+        "exit_code": 0,
     }
     if arguments.json:
         put_json(found)
@@ -197,6 +199,8 @@ def _report(
                 "ran": ran,
                 "seconds": round(seconds, 3),
                 "files": [str(path) for path in files],
+                "status": "ok",
+                "exit_code": 0,
             }
         )
     elif not arguments.quiet:

@@ -105,6 +105,7 @@ def test_the_command_runs_rounds_and_goes_on_with_them(tmp_path, capsys):
     words = ["sweep", str(scene), "--out", str(folder), "--chunk", "50", "--json", "--quiet"]
     assert main([*words, "--workers", "2"]) == 0
     told = json.loads(capsys.readouterr().out)
+    assert (told["status"], told["exit_code"]) == ("ok", 0)
     assert set(told["statuses"]) == {"ok", "stopped", "skipped"} and told["statuses"]["skipped"] > 500
     table, results = (folder / "members.csv").read_bytes(), open_sweep(folder)
     assert results.is_complete and results.counts() == told["statuses"]
