@@ -99,7 +99,7 @@ def pytest_addoption(parser):
     """Run all, or what is enough for a change; what is drawn at random is drawn by the seed."""
     parser.addoption("--thorough", action="store_true", help="every case of every test")
     parser.addoption(
-        "--budget", type=float, default=27.0, help="minutes after which no sampled test begins, without --thorough"
+        "--budget", type=float, default=25.0, help="minutes after which no sampled test begins, without --thorough"
     )
     today = int(os.environ.setdefault("MPP_TAICHI_TEST_SEED", str(date.today().toordinal())))  # the same in all processes
     parser.addoption("--seed", type=int, default=today, help="of cases that are drawn at random; absent: the number of the day")
@@ -124,7 +124,7 @@ def pytest_collection_modifyitems(config, items):
         return
     kept, left = rotation.chosen(items, config.getoption("--rotation"))
     config.hook.pytest_deselected(items=left)
-    items[:] = kept
+    items[:] = rotation.turned(kept, config.getoption("--rotation"))
 
 
 def pytest_runtest_setup(item):

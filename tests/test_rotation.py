@@ -53,6 +53,18 @@ def cases(count, share, name="test_it"):
     return [case("tests/test_one.py", name, share) for _ in range(count)]
 
 
+def test_every_file_is_first_in_some_run_and_files_stay_together():
+    items = [case(f"tests/test_{file}.py", f"test_{k}") for file in "abcde" for k in range(3)]
+    first = set()
+    for run in range(20):
+        order = [item.nodeid for item in rotation.turned(items, run)]
+        assert sorted(order) == sorted(item.nodeid for item in items)
+        files = [name.partition("::")[0] for name in order]
+        assert [name for k, name in enumerate(files) if k == 0 or files[k - 1] != name] == list(dict.fromkeys(files))
+        first.add(files[0])
+    assert len(first) == 5 and rotation.turned([], 3) == []
+
+
 @pytest.mark.parametrize("share", [1, 2, 3, 12])
 @pytest.mark.parametrize("count", [1, 2, 7])
 @pytest.mark.parametrize("first", [0, 1, 20_049])
