@@ -111,18 +111,20 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.sweep.progress import Progress
 
+    mine = [] if arguments.fresh else _part_of(store.missing(), arguments.part)
+    if arguments.dask is None and (arguments.fresh or mine):  # the workers of Dask have devices of their own
+        require_any_backend([arguments.backend])
     if arguments.fresh:
         shutil.rmtree(store.folder / "chunks", ignore_errors=True)
-    if arguments.dask is None and store.missing():  # the workers of Dask have devices of their own
-        require_any_backend([arguments.backend])
+        mine = _part_of(store.missing(), arguments.part)
     store.save()
+    if not mine:
+        return 0
     tell = (lambda _: None) if arguments.quiet else say
-    ran, carrier = 0, None
-    with Interruption() as interruption, contextlib.ExitStack() as closing:
-        while mine := _part_of(store.missing(), arguments.part):  # more than once for the rounds of a refinement
+    ran = 0
+    with Interruption() as interruption, contextlib.closing(_carrier(store, cost, arguments)) as carrier:
+        while mine:  # more than once for the rounds of a refinement
             progress = Progress(store, mine, tell, goes_on=ran > 0)
-            if carrier is None:
-                carrier = closing.enter_context(contextlib.closing(_carrier(store, cost, arguments, len(mine))))
             try:
                 carrier.carry(mine, progress.done, interruption.raise_if_any)
             except BaseException:
@@ -130,6 +132,7 @@ def _run(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> in
                 tell(f"the chunks that are done are kept in {store.folder}; the same command goes on")
                 raise
             ran += progress.members
+            mine = _part_of(store.missing(), arguments.part)
     return ran
 
 
@@ -138,7 +141,7 @@ def _part_of(numbers: list[int], part: tuple[int, int] | None) -> list[int]:
     return numbers if part is None else [number for number in numbers if number % part[1] == part[0] - 1]
 
 
-def _carrier(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace, chunks: int) -> Any:
+def _carrier(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace) -> Any:
     """What carries the chunks."""
     from mpp_taichi.sweep.carrier import Processes
 
@@ -146,8 +149,7 @@ def _carrier(store: "SweepStore", cost: "Cost", arguments: argparse.Namespace, c
         from mpp_taichi.sweep.dask_carrier import DaskWorkers
 
         return DaskWorkers(store.folder, arguments.dask, 1, together=cost.together)
-    workers = _workers(arguments) if store.sweep.refine is not None else min(_workers(arguments), chunks)
-    return Processes(store.folder, workers, 1, together=cost.together)
+    return Processes(store.folder, _workers(arguments), 1, together=cost.together)
 
 
 def finish(store: "SweepStore", *, done_by_part: bool) -> "tuple[SweepResults, list[Path]]":

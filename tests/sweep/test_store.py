@@ -127,6 +127,13 @@ def test_the_same_command_does_only_what_is_missing(scene, capsys):
     assert all(path.stat().st_mtime_ns == times[path] for path in kept)
 
 
+def test_fresh_removes_nothing_where_the_backend_is_missing(scene, capsys):
+    assert sweep("--chunk", "54", "--workers", "1") == 0
+    chunks = sorted(Path("out/s.sweep/chunks").iterdir())
+    assert sweep("--fresh", "--backend", "cuda" if sys.platform == "darwin" else "metal") == 3
+    assert sorted(Path("out/s.sweep/chunks").iterdir()) == chunks
+
+
 @pytest.mark.sampled(3)
 def test_another_sweep_in_the_folder_begins_anew_and_keeps_what_it_shares(scene, capsys):
     assert sweep() == 0
