@@ -89,14 +89,6 @@ class ContactSolver:
         """Go on from one time to another."""
         raise NotImplementedError
 
-    def show_deviation(self, time: float) -> int:
-        """Write the deviation at `time` into the state; how often it was made smaller by RANGE_BITS since the last call."""
-        raise NotImplementedError
-
-    def scale_deviation(self, factor: float) -> None:
-        """Multiply the deviation by a power of two."""
-        raise NotImplementedError
-
     def lead(self, time: float, dt: float, first: int, last: int) -> None:
         """Go on from `time` + `first` dt through the samples at `time` + k dt, and write the state of the sample `last`."""
         raise NotImplementedError

@@ -151,17 +151,6 @@ class EventDriven(ContactSolver):
                 )
         self._show(end)
 
-    def show_deviation(self, time: float) -> int:
-        """Write the deviation at `time` into the state; after `advance` to this time."""
-        assert self.deviation is not None
-        scaled: int = self.deviation.show(time)
-        return scaled
-
-    def scale_deviation(self, factor: float) -> None:
-        """Multiply the deviation by a power of two."""
-        assert self.deviation is not None
-        self.deviation.scale(factor)
-
     def sum_fields(self) -> tuple[Any, ...]:
         """Virial, energy and impulses on surfaces."""
         return self.collision.sum_fields

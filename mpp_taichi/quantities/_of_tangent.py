@@ -12,8 +12,8 @@ class OfTangent(Quantity):
     """A number of the growth L(t) = ln(|δ(t)|/|δ(0)|), where δ holds small deviations of all positions and velocities.
 
     Every step is taken together with its own derivative, so that δ is exact to round-off for the method and its steps; so is
-    every flight and every collision of event-driven spheres. |δ|² is
-    the sum of the squares of all components, in the units of the scene. δ(0) has a random direction, the same in every run.
+    every flight and every collision of event-driven spheres. |δ|² is the sum of the squares of all components, in the units of
+    the scene. δ(0) has a random direction, the same in every run.
     """
 
     takes_many = True

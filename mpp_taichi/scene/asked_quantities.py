@@ -18,9 +18,9 @@ def tangent_quantities(spec: SceneSpec) -> list[str]:
     return [name for name in sorted(asked_quantities(spec)) if component.flag("quantities", name, "needs_tangent")]
 
 
-def asks_for_derivative(spec: SceneSpec) -> bool:
-    """Whether one of them needs the derivative of the step along all directions."""
-    return any(component.flag("quantities", name, "needs_derivative") for name in tangent_quantities(spec))
+def derivative_quantities(spec: SceneSpec) -> list[str]:
+    """The names of those among them that need the derivative along all directions."""
+    return [name for name in tangent_quantities(spec) if component.flag("quantities", name, "needs_derivative")]
 
 
 def without_tangent(spec: SceneSpec) -> SceneSpec:

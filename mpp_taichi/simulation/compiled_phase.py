@@ -13,14 +13,15 @@ from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
 from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
-from mpp_taichi.scene.asked_quantities import asks_for_derivative, tangent_quantities
+from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
-from mpp_taichi.state.tangent_growth import TangentGrowth, copies_of
+from mpp_taichi.start.tangent_copies import copies_of
+from mpp_taichi.state.tangent_growth import TangentGrowth
 from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class CompiledPhase:
             refusals.check_rods(spec, device)
             rods = RodProjection(start, spec.dimensions)
         self.has_tangent = bool(tangent_quantities(spec))
-        self.copies = copies_of(start.free, spec.dimensions) if asks_for_derivative(spec) else 1
+        self.copies = copies_of(spec, start)
         self.replica_count = self.copies * max(1, len(replica_starts))
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
@@ -246,8 +247,7 @@ class CompiledPhase:
         """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""
         if self.contacts is not None and self.contacts.takes_restitution:
             assert spec.contacts is not None
-            restitution = spec.contacts.solver.parameters["restitution"]
-            self.contacts.take_restitution(restitution, contact_setup(spec, self.particles, force_free=True))
+            self.contacts.take_restitution(spec.contacts.solver.parameters["restitution"], contact_setup(spec, self.particles))
 
     def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
         """Go on from the state of an earlier phase, bit for bit, with steps of `dt`; an axis that is held from now on stops."""

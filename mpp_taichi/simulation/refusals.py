@@ -20,7 +20,7 @@ from mpp_taichi.precision import (
     forces_see_low_parts,
     number_type,
 )
-from mpp_taichi.scene.asked_quantities import tangent_quantities
+from mpp_taichi.scene.asked_quantities import derivative_quantities, tangent_quantities
 from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.estimate import LARGEST_COUNT
 from mpp_taichi.scene.spec import SceneSpec
@@ -112,8 +112,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
     """
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
-    flies = spec.contacts is not None and component.flag("contacts", spec.contacts.solver.name, "takes_tangent")
-    if not integrator.takes_any_numbers and not flies:
+    carries = spec.contacts is not None and component.flag("contacts", spec.contacts.solver.name, "takes_tangent")
+    if not integrator.takes_any_numbers and not carries:
         reasons.insert(0, f"the method {spec.integrator.name} does")
     if carries_low_parts(precision):
         reasons.insert(0, f"steps in {precision} do")
@@ -123,16 +123,17 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         reasons.insert(0, f"{spec.rods_named} do")
     if spec.timeline:
         reasons.insert(0, "a timeline does")
-    if spec.contacts is not None and not flies:
+    if spec.contacts is not None and not carries:
         reasons.insert(0, f"collisions of {spec.contacts.solver.name} do")
     wanted = " and ".join(tangent_quantities(spec))
     if reasons:
         raise UnsupportedError(f"{wanted} needs the derivative of every step, which {reasons[0]} not have")
+    whole = " and ".join(derivative_quantities(spec))
     if copies > 1 and spec.contacts is not None:
-        raise UnsupportedError("stability needs the derivative along all directions, which collisions do not have")
+        raise UnsupportedError(f"{whole} needs the derivative along all directions, which collisions do not have")
     if copies > MOST_COPIES:
         raise CapacityError(
-            "stability follows a copy of the system for each free component of a position or velocity; here are "
+            f"{whole} follows a copy of the system for each free component of a position or velocity; here are "
             f"{copies - 1:,}, allowed: {MOST_COPIES}"
         )
     if plan == "parallel":

@@ -28,8 +28,3 @@ class TangentGrowth:
         """The growth of some copies."""
         derivative = None if self.derivative is None else self.derivative[who]
         return TangentGrowth(self.time[who], self.growth[who], self.largest[who], self.megno[who], derivative)
-
-
-def copies_of(free: np.ndarray, dimensions: int) -> int:
-    """Copies of a system by which its whole derivative is known: the run's own, and one for each free axis and its velocity."""
-    return 1 + 2 * int(np.count_nonzero(np.asarray(free)[:, :dimensions]))

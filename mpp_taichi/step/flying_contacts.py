@@ -15,10 +15,10 @@ class FlyingContacts(Launcher):
             return
         for s in range(first, last):
             self.contacts.advance(time + s * dt, time + (s + 1) * dt)
-            scaled = self.contacts.show_deviation(time + (s + 1) * dt)
+            scaled = self.contacts.deviation.show(time + (s + 1) * dt)
             factor = self.parts.tangent_meter.measure_alone(dt, scaled)
             if factor != 1.0:
-                self.contacts.scale_deviation(factor)
+                self.contacts.deviation.scale(factor)
 
     def launches_per_step(self) -> int | None:
         """Not known: it depends on the contacts."""

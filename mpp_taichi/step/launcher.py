@@ -89,13 +89,15 @@ class Launcher(ABC):
         self.force_sum, self.compiled, self.loops = parts.force_sum, parts.compiled, parts.loops
         self.grain, self.shape = parts.grain, parts.shape
         self._carries_low = parts.state.carries_low
+        self.used = parts.state.replica_count
         self.set_up()
 
     def set_up(self) -> None:  # noqa: B027 — most kinds of step have nothing to do here
         """Keep the values that follow from the parts."""
 
-    def use(self, count: int) -> None:  # noqa: B027 — other kinds of step advance all replicas
+    def use(self, count: int) -> None:
         """Advance only the first `count` replicas from now on, where this kind of step can; the others are spare places."""
+        self.used = count
 
     def destroy(self) -> None:  # noqa: B027 — most have no memory beside the state
         """Free the memory of the launcher."""

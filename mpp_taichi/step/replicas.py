@@ -25,14 +25,9 @@ class Replicas(Launcher):
     def set_up(self) -> None:
         """Choose how many copies a thread has, and how."""
         self.together = INTERLEAVED if self.grain > 1 else 1
-        self.used = self.state.replica_count
         self.lanes: LaneState | None = None
         if may_have_lanes(self):
             self.lanes, self.lane_force = LaneState(self.state), self.total_force.with_pairs_in_turn()
-
-    def use(self, count: int) -> None:
-        """Advance only the first replicas."""
-        self.used = count
 
     def destroy(self) -> None:
         """Free the memory of the lanes."""

@@ -23,7 +23,6 @@ class TangentSteps(Launcher):
         """Build the state of dual numbers, and the force that sums them."""
         self.dual_state, self.dual_force = TangentState(self.state), self.total_force.with_pairs_in_turn()
         self.lanes: LaneState | None = None
-        self.used = self.state.replica_count
         if self.state.replica_count > 1 and may_have_lanes(self):
             self.lanes = LaneState(self.state)
             self.dual_lanes = TangentState(self.lanes)
@@ -44,10 +43,6 @@ class TangentSteps(Launcher):
             self._advance_one(time, dt, first, last)
         else:
             self._advance_all(time, dt, first, last, self.used)
-
-    def use(self, count: int) -> None:
-        """Advance only the first replicas."""
-        self.used = count
 
     def destroy(self) -> None:
         """Free the memory of the lanes."""

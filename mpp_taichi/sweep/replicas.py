@@ -9,13 +9,12 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.errors import MppError, StabilityError
-from mpp_taichi.scene.asked_quantities import asks_for_derivative
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import springs_differ
 from mpp_taichi.stability import StepGuard
 from mpp_taichi.stability.network import drag_of
-from mpp_taichi.state.tangent_growth import copies_of
+from mpp_taichi.start.tangent_copies import copies_of
 from mpp_taichi.sweep.gauges import Gauges, stride_of
 from mpp_taichi.sweep.member import DIVERGED, STALLED, Member, MemberRow, refused
 from mpp_taichi.sweep.samples import MemberMoment
@@ -95,7 +94,7 @@ def places_for(members: Sequence[Member], *, on_cpu: bool) -> int:
     """
     count = max(2, len(members))
     spec, start = members[0].spec, members[0].start
-    copies = copies_of(start.free, spec.dimensions) if asks_for_derivative(spec) else 1
+    copies = copies_of(spec, start)
     method: Any = component.load("integrators", spec.integrator.name)
     for size in SIZES if on_cpu and method.launchers.replicas == "replicas" else ():
         if count <= size and size * copies * start.particle_count <= MOST_SPARE:

@@ -42,8 +42,7 @@ class SweepResults:
         self._values = np.full((count, len(self.names)), np.nan)
         self._time, self._steps = np.full(count, np.nan), np.zeros(count, np.int64)
         self._particle, self._reasons = np.full(count, -1, np.int32), dict[int, str]()
-        while store.grow():
-            pass
+        store.grow()
         found = [store.columns(number) for number in range(store.chunk_count)]
         self.is_complete = all(columns is not None for columns in found)
         self._without = SKIPPED if self.is_complete else "missing"

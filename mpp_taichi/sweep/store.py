@@ -125,11 +125,15 @@ class SweepStore:
     def _chunks_of(self, members: np.ndarray) -> list[np.ndarray]:
         return [members[begin : begin + self.chunk] for begin in range(0, len(members), self.chunk)]
 
-    def grow(self) -> bool:
-        """Add the chunks of the next round of a refinement, where all chunks so far are done; False where nothing is added.
+    def grow(self) -> None:
+        """Add the chunks of the next rounds of a refinement, as far as all chunks before them are done.
 
         Which members a round has follows from the rows of the rounds before, so that all processes find the same chunks.
         """
+        while self._adds_round():
+            pass
+
+    def _adds_round(self) -> bool:
         if self._refinement is None or self._refinement.is_over:
             return False
         known, status = np.zeros(self.plan.count, bool), np.zeros(self.plan.count, np.int8)
@@ -153,8 +157,8 @@ class SweepStore:
         """The members of a chunk."""
         if self._refinement is None:
             return self.order[number * self.chunk : (number + 1) * self.chunk]
-        while number >= len(self._rounds) and self.grow():
-            pass
+        if number >= len(self._rounds):
+            self.grow()
         return self._rounds[number]
 
     def path(self, number: int) -> Path:
@@ -168,8 +172,7 @@ class SweepStore:
 
     def missing(self) -> list[int]:
         """Numbers of the chunks that are not done; of a refinement those of the present round."""
-        while self.grow():
-            pass
+        self.grow()
         return [number for number in range(self.chunk_count) if self.columns(number) is None]
 
     def save(self) -> None:

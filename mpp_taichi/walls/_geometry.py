@@ -49,9 +49,14 @@ def normal_change(surface: Template, x, time, change):
         q = _across(surface, _from_surface(surface, x, time))
         length = q.norm()
         if length > 0:
-            n, moved = q / length, _across(surface, change)
-            result = (moved - n * n.dot(moved)) / (ti.static(-1.0 if surface.inside else 1.0) * length)
+            result = turn(q / length, _across(surface, change), ti.static(-1.0 if surface.inside else 1.0) * length)
     return result
+
+
+@ti.func
+def turn(n, change, length):
+    """Change of the unit vector n along a vector of this length, of which `change` is a small change."""
+    return (change - n * n.dot(change)) / length
 
 
 @ti.func

@@ -11,6 +11,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.walls._base import Surface
+from mpp_taichi.walls._geometry import turn
 from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
 
 FAR = 1e6  # radii; the gap of a segment that a sphere cannot press against, since it lies behind another segment
@@ -79,15 +80,12 @@ class WallSegments:
     def normal_change(self, g, x, time, change):
         """Change of the normal where x is moved by a small `change`; zero but around an end."""
         result = ti.Vector.zero(float, x.n)
-        along, _ = self._place(g, x, time)
+        along, across = self._place(g, x, time)
         if along < 0 or along > self.length[g]:
-            q = self._from_end(g, x, time)
-            if along < 0:
-                q = self._from_begin(g, x, time)
-            distance = q.norm()
+            distance = self._distance(g, along, across)
             if distance > 0:
-                n, moved = q / distance, ti.Vector([change[0], change[1]])
-                turned = (moved - n * n.dot(moved)) / distance
+                n = self._flat_normal(g, x, along, across, time)
+                turned = turn(n, ti.Vector([change[0], change[1]]), distance)
                 result[0], result[1] = turned[0], turned[1]
         return result
 

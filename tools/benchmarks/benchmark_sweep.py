@@ -208,8 +208,8 @@ def measure_others(members, runs):
             began = time.perf_counter()
             for k in range(0, runs, 2):
                 pair = [subprocess.Popen(words, stderr=subprocess.DEVNULL) for words in alone[k : k + 2]]
-                for each in pair:
-                    each.wait()
+                if any([each.wait() for each in pair]):
+                    raise SystemExit(f"a run of the {name} failed")
             rows[name] = {"sweep": times[1], "processes": (time.perf_counter() - began) / runs}
     return rows
 

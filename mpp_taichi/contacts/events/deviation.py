@@ -8,6 +8,7 @@ from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.state.tangent_meter import RANGE_BITS
+from mpp_taichi.walls._geometry import turn
 from mpp_taichi.walls._surfaces import WallSurfaces
 
 LARGE = 2.0**RANGE_BITS
@@ -88,7 +89,7 @@ class Deviation:
         q, u = self.position[i] - self.position[j], self.spheres.velocity[i] - self.spheres.velocity[j]
         later = -n.dot(q) / n.dot(u)
         q += u * later
-        turned = (q - n * n.dot(q)) / distance
+        turned = turn(n, q, distance)
         change = self.velocity[i] - self.velocity[j]
         if ti.static(not self.spheres.falls_together):
             change += (self.spheres.acceleration(i) - self.spheres.acceleration(j)) * later
