@@ -217,6 +217,8 @@ def test_every_key_of_a_sweep_is_that_of_its_table(capsys):
         "ran": 3,
         "seconds": SECONDS,
         "files": files,
+        "status": "ok",
+        "exit_code": 0,
     }
     assert files[0] == str(Path("o/members.csv")) and len(set(files)) == len(files)
     assert all(Path(file).parent == Path("o") and Path(file).stat().st_size > 0 for file in files)
@@ -238,5 +240,7 @@ def test_every_key_of_a_dry_sweep_is_a_count_of_the_plan(capsys):
         "workers": 3,
         "seconds": SECONDS,
         "bytes": Between(5 * BODIES * 7 * 8),  # mass, position and velocity of each member
+        "status": "ok",
+        "exit_code": 0,
     }
     assert not Path("o").exists()
