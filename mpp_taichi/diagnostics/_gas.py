@@ -43,7 +43,7 @@ class Total:
         """Error of the rate: the scatter of the rates of ten blocks of equally many samples, over √10.
 
         It is right when a block is longer than the gas remembers its past, which is some collisions per particle. The momentum
-        given to walls needs longer blocks, since a part of it is the change of Σ r·v, which is bounded: for a gas of 24 disks the
+        given to walls needs longer blocks, since a part of it is the change of Σ r·v, which is bounded: for 24 disks the
         error is 1.7 times too long in blocks of 2.5 crossings of the box, and right in blocks of 40 crossings.
 
         Raises:

@@ -183,7 +183,7 @@ BEGIN_AGAIN = "import taichi; taichi.init(offline_cache=False)"
 @pytest.mark.parametrize("ending", ["", "import taichi; taichi.reset()", "import sys; sys.exit(0)", BEGIN_AGAIN])
 @pytest.mark.sampled(3)
 def test_a_process_ends_in_good_order_right_after_a_loop(ending, tmp_path):
-    """The process has its own cache of kernels, for Taichi writes a warning where another process holds the lock of the cache."""
+    """The process has its own cache of kernels, for Taichi warns where another process holds the lock of the cache."""
     code = (
         "from mpp_taichi.device import backends\nbackends.start('cpu', 'f64', threads=2)\n"
         "import sys\nsys.path[:0] = ['tests/device']\n"
