@@ -14,6 +14,9 @@ import taichi as ti
 from mpp_taichi.device.fast_taichi.serial_loops import is_short
 from mpp_taichi.types import Template
 
+MOST = 32
+"""Fields of one launch. The loop over them is unrolled; Taichi warns of more."""
+
 
 def write(fields: Sequence[Any], arrays: Sequence[np.ndarray]) -> None:
     """Copy arrays of shape (count,) or (count, components), with the number type of their fields, to the fields."""
@@ -21,8 +24,9 @@ def write(fields: Sequence[Any], arrays: Sequence[np.ndarray]) -> None:
     for field, array in zip(fields, arrays, strict=True):
         groups.setdefault((len(array), array.dtype), []).append((field, array.reshape(len(array), -1)))
     for (count, _), members in groups.items():
-        values = np.concatenate([array for _, array in members], axis=1)
-        _write(tuple([field for field, _ in members]), np.ascontiguousarray(values), is_short(count))
+        for some in _in_parts(members):
+            values = np.concatenate([array for _, array in some], axis=1)
+            _write(tuple([field for field, _ in some]), np.ascontiguousarray(values), is_short(count))
 
 
 def read(fields: Sequence[Any], dtype: type) -> list[np.ndarray]:
@@ -47,7 +51,8 @@ class MixedFields:
             groups.setdefault((field.shape[0], ti.lang.util.to_numpy_type(field.dtype)), []).append(place)
         self._groups = [
             (places, tuple([fields[place] for place in places]), [_width(fields[place]) for place in places], count, dtype)
-            for (count, dtype), places in groups.items()
+            for (count, dtype), all_places in groups.items()
+            for places in _in_parts(all_places)
         ]
 
     def read(self) -> list[np.ndarray]:
@@ -57,6 +62,10 @@ class MixedFields:
             for place, values in zip(places, _read_columns(fields, count, widths, dtype)):
                 found[place] = values
         return found
+
+
+def _in_parts(members: list) -> list[list]:
+    return [members[first : first + MOST] for first in range(0, len(members), MOST)]
 
 
 def _read_columns(fields: tuple, count: int, widths: list[int], dtype: type) -> list[np.ndarray]:

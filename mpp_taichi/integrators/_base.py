@@ -59,6 +59,8 @@ class Integrator:
     promising_for        kinds of scenes ("encounters", "planets", "stiffness", see accuracy/families.py) in which a study of
                          accuracy tries the method first
     takes_any_numbers    the step can be taken with dual numbers and with lanes (arithmetic/kernel_number.py)
+    takes_tangent        follows a deviation by equations of its own (`follow_deviation`), where the state has one; the phase
+                         sets `follows_deviation` before it asks for the fields
     slow_to_compile      takes many times as long to compile as most methods
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
     well_known           whether readers know the method from textbooks, so that plots of a study always show it
@@ -90,6 +92,8 @@ class Integrator:
     takes_sliders = True
     takes_rods = False
     takes_any_numbers = False
+    takes_tangent = False
+    follows_deviation = False
     made_for: tuple = ()
     made_for_reason = ""
     orbits_central_body = False

@@ -74,3 +74,19 @@ def differences_of_powers(nodes: tuple[float, ...]) -> tuple[tuple[float, ...], 
             following[j] += Fraction(nodes[j]) * a
         rows.append(following)
     return tuple(tuple(map(float, row)) for row in rows)
+
+
+def integrals(nodes: tuple[float, ...], ends: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """Row e: the weights of the values at the nodes in the integral from 0 to ends[e] of the polynomial through the values."""
+    places = [Fraction(node) for node in nodes]
+    rows = []
+    for end in map(Fraction, ends):
+        row = []
+        for j, own in enumerate(places):
+            product, scale = [Fraction(1)], Fraction(1)  # ∏ (s − s_i) by powers of s, and its value at s_j
+            for other in (*places[:j], *places[j + 1 :]):
+                product = [a - other * b for a, b in zip([Fraction(0), *product], [*product, Fraction(0)])]
+                scale *= own - other
+            row.append(float(sum(c * end ** (k + 1) / (k + 1) for k, c in enumerate(product)) / scale))
+        rows.append(tuple(row))
+    return tuple(rows)

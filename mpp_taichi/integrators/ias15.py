@@ -1,22 +1,16 @@
 """Gauss–Radau of order 15, which chooses its steps: accurate to round-off, in close encounters as well."""
 
-from math import comb
 from typing import Any
 
 import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
-from mpp_taichi.integrators._compensated_sum import compensated_sum
-from mpp_taichi.integrators._radau import differences_of_powers, powers_of_differences, radau_nodes
+from mpp_taichi.integrators._radau_deviation import RadauDeviation
+from mpp_taichi.integrators._radau_polynomial import TERMS, RadauPolynomial
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-NODES = radau_nodes(7)
-POWERS = powers_of_differences(NODES)
-DIFFERENCES = differences_of_powers(NODES)
-TERMS = 7
-ITERATIONS = 12  # of a step's equations at most; round-off ends them before
 FIRST_SHARE = 0.01  # of `time_of_change`: the first step
 AGAIN_SHARE = 0.7  # of the next length, after the state was changed: a step that is slightly too long would not be repeated
 LARGEST_CHANGE = 4.0  # of the length from a step to the next; a step that is too long by more than this factor is repeated
@@ -52,21 +46,28 @@ class Ias15(Adaptive):
     reference_tolerances = (1e-9, 3e-10, 1e-10)  # steps in the ratio 1 : 0.84 : 0.72
     slow_to_compile = True
     promising_for = ("encounters",)
-    memory = (
-        "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
-        *(f"b{k}" for k in range(TERMS)), *(f"e{k}" for k in range(TERMS)),
-    )  # fmt: skip
+    takes_tangent = True
+    follows_deviation = False
+    path = RadauPolynomial()
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """The clock, and the polynomial of the step that is shown; that of the deviation too, where there is a deviation."""
+        return ("clock", "tally", *self.path.memory, *(RadauDeviation.memory if self.follows_deviation else ()))
+
+    def follow_deviation(self, meter: Any, dual_state: Any, dual_force: Any) -> None:
+        """Follow the deviation of a meter; the state and the sum of the forces are those of dual numbers."""
+        self.deviation = RadauDeviation(meter, dual_state, dual_force)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Coefficients b, their predictions e and differences g, the true state with its rounding errors, and the clock."""
-        vectors = [name for name in self.memory if name not in ("clock", "tally")] + [f"g{k}" for k in range(TERMS)]
-        fields = {name: ("vector", start.particle_count) for name in vectors}
+        """The clock, the polynomial of a step, and that of the deviation, where there is a deviation."""
         return {
             "clock": ("wide", self.CLOCK),
             "tally": ("index", self.TALLY),
             "control": ("wide", self.CONTROL),
             "measure": ("wide", 2),
-            **fields,
+            **self.path.work_fields(start.particle_count),
+            **(RadauDeviation.work_fields(start.particle_count) if self.follows_deviation else {}),
         }
 
     def control(self) -> tuple[float, float]:
@@ -91,22 +92,19 @@ class Ias15(Adaptive):
             most = ti.max(most, ti.cast(self.found(state, total_force, first, i, time).norm(), state.wide))
             widest = ti.max(widest, ti.cast((state.position[i] - state.position[first]).norm(), state.wide))
         state.clock[self.CLOCK * r + 2] = FIRST_SHARE * self.time_of_change(state, fastest, most, widest, time, dt)
-        zero = ti.Vector.zero(float, state.dimensions)
-        for i in range(first, first + total_force.particle_count):
-            state.start_position[i] = state.position[i]
-            state.start_velocity[i] = state.velocity[i]
-            state.position_rest[i] = zero
-            state.velocity_rest[i] = zero
-            for k in ti.static(range(TERMS)):
-                ti.static(self._named(state, "b", k))[i] = zero
-                ti.static(self._named(state, "e", k))[i] = zero
+        self.path.begin(state, total_force, first)
+        if ti.static(self.follows_deviation):
+            self.deviation.begin(total_force, first)
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
         """Set the state to the value of the step's polynomial at a time within the step."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
-        self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
+        share = self.share_of_step(state, r, time)
+        if ti.static(self.follows_deviation):
+            self.deviation.show(total_force, first, share, state.clock[self.CLOCK * r + 1])
+        self.path.place(state, total_force, first, share, h, True)
 
     @ti.func
     def length_again(self, state: Template, r):
@@ -123,7 +121,7 @@ class Ias15(Adaptive):
             coefficient[n + i] = h * state.start_velocity[i]
             coefficient[2 * n + i] = 0.5 * h * h * state.start_acceleration[i]
             for k in ti.static(range(TERMS)):
-                b = ti.static(self._named(state, "b", k))[i]
+                b = ti.static(self.path.term(state, "b", k))[i]
                 coefficient[(k + 3) * n + i] = h * h * ti.static(1.0 / ((k + 2) * (k + 3))) * b
 
     @ti.func
@@ -140,8 +138,7 @@ class Ias15(Adaptive):
             state.start_acceleration[i] = self.found(state, total_force, first, i, begin)
         trying = 1
         while trying == 1:
-            self._differences(state, total_force, first)
-            error = self._iterate(state, total_force, first, begin, ti.cast(h, float), shape)
+            error = self.path.solve(state, total_force, self, first, begin, ti.cast(h, float), shape)
             share = self._longest_share(state, total_force, first)
             if not error <= state.control[self.CONTROL * r + 1]:  # NaN fails, too
                 share = ti.min(share, ti.static(0.5 / LARGEST_CHANGE))
@@ -152,110 +149,20 @@ class Ias15(Adaptive):
                 trying = 0
             elif share < 1.0 / LARGEST_CHANGE:
                 state.tally[self.TALLY * r + self.REFUSED] += 1
-                self._rescale(state, total_force, first, ti.cast(following / h, float))
+                self.path.rescale(state, total_force, first, ti.cast(following / h, float))
                 h = following
             else:
                 trying = 0
                 state.tally[self.TALLY * r + self.STEPS] += 1
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = following
-
-    # The equations of a step
-
-    @staticmethod
-    def _named(state: Any, letter: str, k: int) -> Any:
-        return getattr(state, f"{letter}{k}")
+                if ti.static(self.follows_deviation):
+                    self.deviation.follow(total_force, first, begin, ti.cast(h, float))
 
     @ti.func
-    def _differences(self, state: Template, total_force: Template, first):
-        """Compute g from b: g_j = Σ_k≥j d_kj b_k."""
-        for i in range(first, first + total_force.particle_count):
-            for j in ti.static(range(TERMS)):
-                g = ti.Vector.zero(float, state.dimensions)
-                for k in ti.static(range(j, TERMS)):
-                    g += DIFFERENCES[k][j] * ti.static(self._named(state, "b", k))[i]
-                ti.static(self._named(state, "g", j))[i] = g
-
-    @ti.func
-    def _iterate(self, state: Template, total_force: Template, first, begin, h, shape: Template):
-        """Iterate until the change of the last coefficient, relative to the largest acceleration, is zero or stops falling.
-
-        Returns its last change.
-        """
-        r = first // total_force.particle_count
-        before = ti.cast(2.0, state.wide)
-        going = 1
-        count = 0
-        while going == 1:
-            count += 1
-            for n in range(TERMS):
-                node = 0.0
-                for c in ti.static(range(TERMS)):
-                    if n == c:
-                        node = NODES[c]
-                self._place(state, total_force, first, node, h, total_force.depends_on_velocity)
-                now = begin + ti.cast(node * h, state.wide)
-                self.evaluate(state, total_force, first, now, shape)
-                state.measure[2 * r] = 0.0
-                state.measure[2 * r + 1] = 0.0
-                for i in range(first, first + total_force.particle_count):
-                    a = self.found(state, total_force, first, i, now)
-                    change = self._correct(state, i, a, n)
-                    if n == TERMS - 1:
-                        self._raise(state, 2 * r, change)
-                        self._raise(state, 2 * r + 1, a.norm())
-            error = state.measure[2 * r]
-            if error > 0.0:
-                error /= state.measure[2 * r + 1]
-            if error < 1e-16 or (count > 2 and not error < before) or count == ITERATIONS:
-                going = 0
-            before = error
-        return before
-
-    @ti.func
-    def _raise(self, state: Template, place, value):
-        """Raise a maximum of the field `measure`; NaN becomes infinity. A maximum does not depend on the order of threads."""
-        wide = ti.cast(value, state.wide)
-        if wide > state.measure[place] or ti.math.isnan(wide):
-            ti.atomic_max(state.measure[place], ti.select(ti.math.isnan(wide), ti.cast(ti.math.inf, state.wide), wide))
-
-    @ti.func
-    def _correct(self, state: Template, i, a, n):
-        """Make the polynomial pass through the acceleration a at node n; returns the change of its last coefficient."""
-        result = 0.0
-        quotient = a - state.start_acceleration[i]
-        for m in ti.static(range(TERMS)):
-            if n == m:
-                quotient *= ti.static(1.0 / NODES[m])
-                for j in ti.static(range(m)):
-                    quotient = (quotient - ti.static(self._named(state, "g", j))[i]) * ti.static(1.0 / (NODES[m] - NODES[j]))
-                change = quotient - ti.static(self._named(state, "g", m))[i]
-                ti.static(self._named(state, "g", m))[i] = quotient
-                for k in ti.static(range(m + 1)):
-                    ti.static(self._named(state, "b", k))[i] += POWERS[m][k] * change
-                if ti.static(m == TERMS - 1):
-                    result = change.norm()
-        return result
-
-    @ti.func
-    def _place(self, state: Template, total_force: Template, first, s, h, with_velocity: Template):
-        """Set the particles to the value of the polynomial at s; the smallest terms are added first."""
-        way = s * h
-        for i in range(first, first + total_force.particle_count):
-            x = ti.Vector.zero(float, state.dimensions)
-            v = ti.Vector.zero(float, state.dimensions)
-            for back in ti.static(range(TERMS)):
-                k = ti.static(TERMS - 1 - back)
-                b = ti.static(self._named(state, "b", k))[i]
-                x = (x + ti.static(1.0 / ((k + 2) * (k + 3))) * b) * s
-                if ti.static(with_velocity):
-                    v = (v + ti.static(1.0 / (k + 2)) * b) * s
-            a = state.start_acceleration[i]
-            velocity = state.start_velocity[i]
-            x = (x + 0.5 * a) * way
-            state.position[i] = state.start_position[i] + ((x + velocity) * way - state.position_rest[i])
-            if ti.static(with_velocity):
-                state.velocity[i] = velocity + ((v + a) * way - state.velocity_rest[i])
+    def place(self, state: Template, total_force: Template, first, s, h):
+        """Set the particles to a node of the step, for the evaluation of the forces."""
+        self.path.place(state, total_force, first, s, h, total_force.depends_on_velocity)
 
     # Transition to the next step
 
@@ -269,7 +176,7 @@ class Ias15(Adaptive):
             first_slope = ti.Vector.zero(float, state.dimensions)
             second, third = first_slope, first_slope
             for k in ti.static(range(TERMS)):
-                b = ti.static(self._named(state, "b", k))[i]
+                b = ti.static(self.path.term(state, "b", k))[i]
                 a += b
                 first_slope += (k + 1.0) * b
                 second += (k + 1.0) * k * b
@@ -285,52 +192,12 @@ class Ias15(Adaptive):
         return result
 
     @ti.func
-    def _rescale(self, state: Template, total_force: Template, first, share):
-        """Rescale the polynomial to a shorter step from the same start; coefficients that are NaN become 0."""
-        for i in range(first, first + total_force.particle_count):
-            power = share
-            for k in ti.static(range(TERMS)):
-                b = ti.static(self._named(state, "b", k))[i] * power
-                b = ti.select(ti.math.isnan(b.norm()), ti.Vector.zero(float, state.dimensions), b)
-                ti.static(self._named(state, "b", k))[i] = b
-                ti.static(self._named(state, "e", k))[i] = b
-                power *= share
-
-    @ti.func
     def enter_next(self, state: Template, total_force: Template, first):
-        """Make the end of the last step the start of the next, and predict the polynomial of the next step.
-
-        The prediction continues the last polynomial, and adds the error that the last prediction had.
-        """
+        """Make the end of the last step the start of the next, and predict the polynomial of the next step."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         share = ti.cast(state.clock[self.CLOCK * r + 2] / state.clock[self.CLOCK * r + 1], float)
-        for i in range(first, first + total_force.particle_count):
-            self._add_compensated(state, i, h)
-            power = share
-            for k in ti.static(range(TERMS)):
-                # Taylor's coefficients at s = 1: Σ_m≥k C(m + 1, k + 1) b_m, over the new step.
-                going_on = ti.Vector.zero(float, state.dimensions)
-                for back in ti.static(range(TERMS - k)):
-                    m = ti.static(TERMS - 1 - back)
-                    going_on += ti.static(float(comb(m + 1, k + 1))) * ti.static(self._named(state, "b", m))[i]
-                missed = ti.static(self._named(state, "b", k))[i] - ti.static(self._named(state, "e", k))[i]
-                ti.static(self._named(state, "e", k))[i] = power * going_on
-                ti.static(self._named(state, "b", k))[i] = power * going_on + missed
-                power *= share
+        if ti.static(self.follows_deviation):
+            self.deviation.enter_next(total_force, first, state.clock[self.CLOCK * r + 1], share)
+        self.path.enter_next(state, total_force, first, h, share)
         state.clock[self.CLOCK * r] += state.clock[self.CLOCK * r + 1]
-
-    @ti.func
-    def _add_compensated(self, state: Template, i, h):
-        """Add the changes of x and v in a step of length h to the start of the step."""
-        x = ti.Vector.zero(float, state.dimensions)
-        v = ti.Vector.zero(float, state.dimensions)
-        for back in ti.static(range(TERMS)):
-            k = ti.static(TERMS - 1 - back)
-            b = ti.static(self._named(state, "b", k))[i]
-            x += ti.static(1.0 / ((k + 2) * (k + 3))) * b
-            v += ti.static(1.0 / (k + 2)) * b
-        a = state.start_acceleration[i]
-        way, push = h * (state.start_velocity[i] + h * (0.5 * a + x)), h * (a + v)
-        state.start_position[i], state.position_rest[i] = compensated_sum(state.start_position[i], state.position_rest[i], way)
-        state.start_velocity[i], state.velocity_rest[i] = compensated_sum(state.start_velocity[i], state.velocity_rest[i], push)

@@ -60,8 +60,7 @@ class CompiledPhase:
         from mpp_taichi.step.choose import launcher_for, settle_plan
 
         spec, start = phase.spec, phase.particles
-        self.phase, self.device, self.replica_starts = phase, device, replica_starts
-        self.work = phase.work
+        self.phase, self.work, self.device, self.replica_starts = phase, phase.work, device, replica_starts
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         two_parts = forces_have_low_parts(device.precision)
         rods = None
@@ -100,6 +99,7 @@ class CompiledPhase:
         )
         if self.has_tangent:
             self.plan = "replicas" if self.replica_count > 1 else "serial"
+            self.integrator.follows_deviation = self.integrator.takes_tangent
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
             rods.fill(self.state)

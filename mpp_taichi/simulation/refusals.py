@@ -113,7 +113,7 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
     names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
     carries = spec.contacts is not None and component.flag("contacts", spec.contacts.solver.name, "takes_tangent")
-    if not integrator.takes_any_numbers and not carries:
+    if not (integrator.takes_any_numbers or integrator.takes_tangent or carries):
         reasons.insert(0, f"the method {spec.integrator.name} does")
     if carries_low_parts(precision):
         reasons.insert(0, f"steps in {precision} do")

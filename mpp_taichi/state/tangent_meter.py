@@ -110,18 +110,24 @@ class TangentMeter:
     def measure(self, replica, dt):
         """Add a step of the length dt to the sums of a replica, after the step; the factor that keeps |δ| in its range."""
         first = replica * self.state.particle_count
-        squared = ti.cast(0.0, self.state.wide)
-        for i in range(first, first + self.state.particle_count):
-            for field in ti.static(self.deviation[:2]):
-                for k in ti.static(range(self.state.dimensions)):
-                    squared += self.wide_square(field[i][k])
-        factor = self.add(replica, dt, squared)
+        factor = self.add(replica, dt, self.squared(replica))
         if factor != 1.0:
             for i in range(first, first + self.state.particle_count):
                 for field in ti.static(self.deviation):
                     for k in ti.static(range(self.state.dimensions)):
                         field[i][k] *= ti.cast(factor, float)
         return factor
+
+    @ti.func
+    def squared(self, replica):
+        """|δ|² of a replica now."""
+        first = replica * self.state.particle_count
+        result = ti.cast(0.0, self.state.wide)
+        for i in range(first, first + self.state.particle_count):
+            for field in ti.static(self.deviation[:2]):
+                for k in ti.static(range(self.state.dimensions)):
+                    result += self.wide_square(field[i][k])
+        return result
 
     @ti.func
     def measure_lanes(self, lanes: Template, block, dt):

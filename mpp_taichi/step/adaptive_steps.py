@@ -5,6 +5,7 @@ import taichi as ti
 
 from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.errors import CapacityError
+from mpp_taichi.state.tangent_state import TangentState
 from mpp_taichi.step.launcher import Launcher
 
 MOST_STEPS = 2**31 - 1
@@ -22,6 +23,12 @@ class AdaptiveSteps(Launcher):
     """The plans serial and replicas of adaptive methods; `dt` is the time between two samples."""
 
     _control: tuple[float, float] | None = None  # the values in the state's control field
+
+    def set_up(self) -> None:
+        """Let the method follow the deviation that a quantity asks for."""
+        if self.parts.tangent_meter is not None:
+            dual_force = self.total_force.with_pairs_in_turn()
+            self.integrator.follow_deviation(self.parts.tangent_meter, TangentState(self.state), dual_force)
 
     def begin(self, time: float, dt: float) -> None:
         """Take the state as the start of the first step, with the accuracy that the method's parameter asks for now."""

@@ -74,7 +74,8 @@ def launcher_for(
     launched = sums_are_launched(total_force, plan, on_cpu)
     few = on_cpu and state.particle_count <= FEW
     grain = CPU_GRAIN if on_cpu else 1
-    quickly: Mode = quick_compilation if integrator.launchers.quickly or total_force.has_rods else nullcontext
+    is_long = integrator.launchers.quickly or total_force.has_rods or integrator.follows_deviation
+    quickly: Mode = quick_compilation if is_long else nullcontext
     in_vectors = plan != "parallel" and on_cpu and integrator.in_vectors(state, total_force)
     compiled: Mode = explicit_vectors if in_vectors else quickly
     stage_loops: AbstractContextManager = SerialLoops() if few and launched and not total_force.bonds else nullcontext()
@@ -115,7 +116,7 @@ def _file_of(parts: StepParts, plan: str) -> str:
     contacts, integrator, total_force = parts.contacts, parts.integrator, parts.total_force
     if contacts is not None:
         return contacts.launched_by
-    if parts.tangent_meter is not None:
+    if parts.tangent_meter is not None and not integrator.takes_tangent:
         return "tangent_steps"
     name: str = getattr(integrator.launchers, plan)
     if name != "parallel":

@@ -60,7 +60,33 @@ def test_a_chaotic_pendulum_is_as_scipy_has_it():
     assert growth[-1] > 4.0  # nearby motions have parted by a factor of a hundred: the run is chaotic
 
 
-def test_deviations_of_three_bodies_are_rebounds():
+@pytest.mark.parametrize("dt", [0.05, 0.7, 12.0])
+def test_the_growth_in_the_steps_of_ias15_is_as_scipy_has_it_at_any_sample(dt):
+    """The samples are inside steps, a step is a tenth of a swing, and no sum depends on how many samples there were."""
+    steps = round(12 / dt)
+    with Simulation(spring_pendulum(dt, "ias15"), backend="cpu", precision="f64") as simulation:
+        start = [each[1, :2] for each in simulation.phase.tangent.read_deviation()]
+        simulation.run(steps=steps, judge="off")
+        found = simulation.phase.read_tangent()
+    results = []
+    for fine in (2048, 4096):
+        times = np.linspace(0.0, steps * dt, 1 + round(steps * dt * fine))
+        growth = growth_of_pendulum(np.concatenate(start), times)
+        length = times[1]
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * length * (growth[1:] + growth[:-1]))])
+        y = np.concatenate([[0.0], 2.0 * (growth[1:] - integral[1:] / times[1:])])
+        results.append(np.trapezoid(y, times) / times[-1])
+    # SciPy's tolerance of 1e-13 in each of its 1,000 steps, and e^6; twice the trapezoidal rule, extrapolated from h and h/2.
+    assert found.time[0] == pytest.approx(times[-1], rel=1e-14)
+    assert found.growth[0] == pytest.approx(growth[-1], abs=1e-13 * 1000)
+    assert found.megno[0] == pytest.approx((4 * results[1] - results[0]) / 3, abs=1e-8)
+    assert growth[0] - 1e-12 <= found.largest[0] <= growth.max() + 1e-10
+    assert found.largest[0] > growth.max() - 0.05  # eight values in each step, where L swings by several units in a period
+
+
+@pytest.mark.parametrize("method, bound", [("kahan_li8", 1e-8), ("ias15", 1e-12)])
+def test_deviations_of_three_bodies_are_rebounds(method, bound):
+    """Steps of 1/64 leave an error of 1e-9 in an orbit of period 6 (test_integrators), and ias15 an error of round-off."""
     rebound = pytest.importorskip("rebound")
     scene = {
         "particles": [
@@ -69,7 +95,7 @@ def test_deviations_of_three_bodies_are_rebounds():
             {"body": {"mass": 0.1, "position": [-1.9, 0, 0], "velocity": [0, -0.7, 0.1]}},
         ],
         "forces": [{"newtonian_gravity": {"strength": 1.0}}],
-        "integrator": {"kahan_li8": {"dt": 1 / 64}},
+        "integrator": {method: {"dt": 1 / 64}},
         "expect": MEASURED,
     }
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
@@ -87,8 +113,7 @@ def test_deviations_of_three_bodies_are_rebounds():
             setattr(particle, name, float(value))
     other.integrate(20.0)
     theirs = [[getattr(p, name) for name in ("x", "y", "z", "vx", "vy", "vz")] for p in variation.particles]
-    # Steps of 1/64 leave an error of 1e-9 in an orbit of period 6 (test_integrators), and ias15 one of round-off.
-    assert np.abs(ended - theirs).max() < 1e-8 * np.abs(ended).max()
+    assert np.abs(ended - theirs).max() < bound * np.abs(ended).max()
 
 
 def test_deviations_of_a_kepler_orbit_are_the_closed_form():
@@ -120,25 +145,25 @@ def test_deviations_of_a_kepler_orbit_are_the_closed_form():
     assert found.largest[0] >= found.growth[0]
 
 
-@pytest.mark.parametrize("method", ["leapfrog", "rk4"])
+@pytest.mark.parametrize("method", ["leapfrog", "rk4", "ias15"])
 def test_a_saved_run_goes_on_with_the_same_bits(method, tmp_path):
     scene = spring_pendulum(0.01, method)
     with Simulation(scene, backend="cpu", precision="f64") as whole, Simulation(scene, backend="cpu") as parts:
         whole.run(steps=600, judge="off")
         parts.run(steps=250, judge="off")
-        saved = parts.phase.save()
+        saved = parts.bookmark()
         parts.run(steps=100, judge="off")
-        parts.phase.restore(saved)
+        parts.go_back(saved)
         parts.run(steps=350, judge="off")
         found, expected = parts.phase.read_tangent(), whole.phase.read_tangent()
     for name in ("growth", "largest", "megno", "time"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
-@pytest.mark.parametrize("cut", [1, 17])
-def test_the_growth_goes_on_from_an_archive(tmp_path, cut):
+@pytest.mark.parametrize("cut, method", [(1, "velocity_verlet"), (17, "velocity_verlet"), (17, "ias15")])
+def test_the_growth_goes_on_from_an_archive(tmp_path, cut, method):
     path, ends = tmp_path / "a.run", []
-    with Simulation(spring_pendulum(0.01, "velocity_verlet"), backend="cpu", precision="f64") as simulation:
+    with Simulation(spring_pendulum(0.01, method), backend="cpu", precision="f64") as simulation:
         archive = RunArchive(path, header_of(simulation), {})
         simulation.run(steps=cut)
         archive.record(simulation)

@@ -61,6 +61,13 @@ def test_the_multipliers_of_lagranges_triangle_are_rouths():
     assert measured(triangle((1, 1, 1), 400))[0] == pytest.approx(known, rel=1e-8)  # 2⁻¹⁶ of the error of yoshida4 at 100
 
 
+def test_the_multipliers_of_ias15_are_rouths_to_round_off():
+    """Some 30 steps of a turn, each of which rounds the deviations some hundred times."""
+    found, growth, _ = measured(triangle((1, 1, 1), 1, "ias15"))
+    assert found == pytest.approx(known_multiplier((1, 1, 1)), rel=30 * 100 * ROUND_OFF)
+    assert np.linalg.det(growth.derivative[0]) == pytest.approx(1.0, abs=30 * 100 * ROUND_OFF * found)
+
+
 @pytest.mark.sampled(3)
 def test_the_derivative_has_all_deviations_and_keeps_volume():
     scene = kepler(integrator="leapfrog")
@@ -80,7 +87,8 @@ def test_the_derivative_has_all_deviations_and_keeps_volume():
 
 
 @pytest.mark.sampled(3)
-def test_held_axes_have_no_deviation():
+@pytest.mark.parametrize("method", ["leapfrog", "ias15"])
+def test_held_axes_have_no_deviation(method):
     step, stiffness, steps = 0.3, 2.0, 37
     scene = {
         "dimensions": 2,
@@ -89,12 +97,13 @@ def test_held_axes_have_no_deviation():
             {"body": {"name": "ball", "mass": 1, "position": [1.2, 0], "free": [True, False, False]}},
         ],
         "springs": [{"link": {"between": ["wall", "ball"], "stiffness": stiffness, "rest_length": 1}}],
-        "integrator": {"leapfrog": {"dt": step}},
+        "integrator": {method: {"dt": step}},
         "run": {"steps": steps},
     }
     _, growth, _ = measured(scene)
     assert growth.derivative.shape == (1, 2, 2)
-    turn = math.acos(1 - stiffness * step**2 / 2)  # of leapfrog, in a step
+    # The phase of a step of leapfrog, or of the motion in this time.
+    turn = math.acos(1 - stiffness * step**2 / 2) if method == "leapfrog" else math.sqrt(stiffness) * step
     assert np.trace(growth.derivative[0]) == pytest.approx(2 * math.cos(steps * turn), abs=1e3 * steps * ROUND_OFF)
 
 
@@ -122,10 +131,27 @@ def test_members_of_a_sweep_have_the_multipliers_of_single_runs():
     assert rows[-1].values == pytest.approx([alone[0], alone[1].growth[0] / alone[1].time[0]], rel=1e-7)
 
 
+@pytest.mark.sampled(3)
+def test_members_with_steps_of_their_own_have_the_bits_of_single_runs():
+    shares = [0.05, 0.1, 0.3]
+    measure = ["stability", "lyapunov", "megno", "fli"]
+    resolved = {**triangle((1, 0.1, 1), 1, "ias15"), "sweep": {"vary": {"particles[1].body.mass": shares}, "measure": measure}}
+    bench = Bench(MemberDevice("cpu", "f64", 2))
+    rows = run_members([0, 1, 2], [{"particles[1].body.mass": share} for share in shares], resolved, "triangle", bench)
+    for row, share in zip(rows, shares, strict=True):
+        scene = {**triangle((1, 0.1, 1), 1, "ias15"), "expect": {name: {"above": -1e9} for name in measure}}
+        scene["particles"][1]["body"]["mass"] = share
+        with Simulation(scene, backend="cpu", precision="f64", replica_starts=()) as simulation:
+            simulation.run(judge="off")
+            growth = simulation.phase.tangent.read()
+        alone = [Stability().of(growth)[0], growth.growth[0] / growth.time[0], growth.megno[0], growth.largest[0]]
+        assert (row.status, list(row.values)) == ("ok", alone)
+
+
 @pytest.mark.parametrize(
     "change, refusal, message",
     [
-        ({"integrator": {"ias15": {"dt": 0.1}}}, UnsupportedError, "the method ias15 does not have"),
+        ({"integrator": {"taylor": {"dt": 0.1}}}, UnsupportedError, "the method taylor does not have"),
         (
             {"contacts": {"hard_spheres": {"solver": "event_driven"}}, "forces": [], "integrator": {"event_driven": {"dt": 1}}},
             UnsupportedError,
