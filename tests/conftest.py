@@ -99,7 +99,7 @@ def pytest_addoption(parser):
     """Run all, or what is enough for a change; what is drawn at random is drawn by the seed."""
     parser.addoption("--thorough", action="store_true", help="every case of every test")
     parser.addoption(
-        "--budget", type=float, default=25.0, help="minutes after which no sampled test begins, without --thorough"
+        "--budget", type=float, default=23.0, help="minutes after which no sampled test begins, without --thorough"
     )
     today = int(os.environ.setdefault("MPP_TAICHI_TEST_SEED", str(date.today().toordinal())))  # the same in all processes
     parser.addoption("--seed", type=int, default=today, help="of cases that are drawn at random; absent: the number of the day")

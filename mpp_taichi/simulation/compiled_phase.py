@@ -22,6 +22,7 @@ from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
 from mpp_taichi.start.tangent_copies import copies_of
 from mpp_taichi.state.tangent_growth import TangentGrowth
+from mpp_taichi.state.vector_layout import layout_of
 from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
@@ -107,9 +108,7 @@ class CompiledPhase:
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
             self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
-        self.tangent: TangentMeter | None = None
-        if self.has_tangent:
-            self.tangent = TangentMeter(self.state, start.free, copies=self.copies, single_logarithm=not device.on_cpu)
+        self.tangent = TangentMeter(self.state, start.free, self.copies, on_cpu=device.on_cpu) if self.has_tangent else None
         self.launcher = launcher_for(
             self.state,
             self.total_force,
@@ -157,7 +156,7 @@ class CompiledPhase:
             needs=self.total_force.needs,
             scratch_count=scratch_count,
             slopes=integrator.slopes(self.total_force.depends_on_velocity),
-            streaming=self.total_force.has_pairs,
+            layout=layout_of(self.total_force.has_pairs, self.replica_count, on_cpu=device.on_cpu),
             wide=backends.widest_float(device),
             work=fields,
             memory=memory,

@@ -6,7 +6,15 @@ import taichi as ti
 
 Row = tuple[Any, ...]
 """A count and the fields of so many entries; a count of None is a field of one entry, `field[None]`. The entries of fields in
-a tuple lie side by side."""
+a tuple, or in `SideBySide`, lie side by side."""
+
+
+class SideBySide(tuple):
+    """Scalar fields whose entries lie side by side, as those of a tuple do, but which explicit vectors can read one by one.
+
+    In kernels with explicit vectors Taichi takes a wrong address for a field that shares its parent with others. So each field
+    has a parent of its own, a dense node of one entry.
+    """
 
 
 class FieldGroup:
@@ -28,13 +36,34 @@ class FieldGroup:
                 if width not in builders:
                     builders[width] = ti.FieldsBuilder()
                 place = builders[width] if count is None else builders[width].dense(ti.i, count)
-                place.place(*fields)
+                if isinstance(part, SideBySide):
+                    for field in fields:
+                        place.dense(ti.i, 1).place(field)
+                else:
+                    place.place(*fields)
         self._trees = [builder.finalize() for builder in builders.values()]
 
     def destroy(self) -> None:
         """Free the memory; the fields must not be used any more."""
         for tree in self._trees:
             tree.destroy()
+
+
+def field_of_kind(kind: str, dimensions: int, wide: Any) -> Any:
+    """A field of one of the kinds that a part of a step asks for by name; `wide` is the type of wide numbers."""
+    made = {
+        "vector": lambda: ti.Vector.field(dimensions, float),
+        "vector4": lambda: ti.Vector.field(4, float),
+        "vector8": lambda: ti.Vector.field(8, float),
+        "matrix": lambda: ti.Matrix.field(dimensions, dimensions, float),
+        "scalar": lambda: ti.field(float),
+        "index": lambda: ti.field(ti.i32),
+        "lattice": lambda: ti.Vector.field(dimensions, ti.i64),
+        "pair": lambda: ti.Vector.field(2, float),
+        "wide": lambda: ti.field(wide),
+        "wide_pair": lambda: ti.Vector.field(2, wide),
+    }
+    return made[kind]()
 
 
 def _bytes_each(field: Any) -> int:

@@ -12,10 +12,11 @@ from mpp_taichi.arithmetic.low_parts import split
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Comoving, Snapshot
-from mpp_taichi.state.field_group import FieldGroup, Row
+from mpp_taichi.state.field_group import FieldGroup, Row, SideBySide, field_of_kind
 from mpp_taichi.state.half_springs import half_springs, values_of_replicas
 from mpp_taichi.state.moving_frame import MovingFrame, frame_of_center, frame_of_snapshots
 from mpp_taichi.state.two_part_field import TwoPartField
+from mpp_taichi.state.vector_layout import VectorLayout
 
 # Quantities with an entry for each particle; the snapshot has an array of the same name.
 PARTICLE_QUANTITIES = ("mass", "charge", "radius")
@@ -39,9 +40,9 @@ class State:
     In df64 the accelerations, the scratch vectors of `slopes` and all quantities that forces read are fields of two parts
     (two_part_field.py).
 
-    Vectors are stored component by component when a pair sum streams over all of them, else together. Where the state is
-    `centered`, positions and velocities on the device are relative to the `frame`; `write`, `write_snapshots` and `read`
-    convert between this frame and the frame of the scene.
+    The `layout` says how the vectors of the particles lie in memory (vector_layout.py). Where the state is `centered`,
+    positions and velocities on the device are relative to the `frame`; `write`, `write_snapshots` and `read` convert between
+    this frame and the frame of the scene.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class State:
         dimensions: int,
         needs: Iterable[str],
         scratch_count: int,
-        streaming: bool,
+        layout: VectorLayout,
         slopes: range = range(0),
         replica_count: int = 1,
         wide: Any = ti.f64,
@@ -92,11 +93,14 @@ class State:
         self.quantities: list[str] = []
         self._rows: list[Row] = []  # the rows to be allocated
         self._saved: bulk_copy.MixedFields | None = None  # the fields of `save`
-        self._layout = ti.Layout.SOA if streaming else ti.Layout.AOS
+        self._layout, self._vectors = layout, list[Any]()
         self._declare_vectors(low, scratch_count, slopes)
         self._declare_quantities(needs, host)
         for name in work:
             self._declare_work(name, *work[name])
+        if self._vectors:
+            parts = [each.get_scalar_field(k) for each in self._vectors for k in range(dimensions)]
+            self._rows.append((self.total_count, SideBySide(parts)))
         self._fields = FieldGroup(*self._rows)
         self._fill(snapshot, needs, host)
         self.moving_as_scratch = tuple(self._moving_as(field) for field in self.scratch)
@@ -130,18 +134,7 @@ class State:
         if kind == "vector" and count == self.total_count:
             self._declare(name, self._vector())
             return
-        made = {
-            "vector": lambda: ti.Vector.field(self.dimensions, float),
-            "vector4": lambda: ti.Vector.field(4, float),
-            "vector8": lambda: ti.Vector.field(8, float),
-            "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
-            "scalar": lambda: ti.field(float),
-            "index": lambda: ti.field(ti.i32),
-            "lattice": lambda: ti.Vector.field(self.dimensions, ti.i64),
-            "pair": lambda: ti.Vector.field(2, float),
-            "wide": lambda: ti.field(self.wide),
-            "wide_pair": lambda: ti.Vector.field(2, self.wide),
-        }[kind]()
+        made = field_of_kind(kind, self.dimensions, self.wide)
         self._rows.append((max(count, 1), made))
         self._declare(name, made)
 
@@ -167,7 +160,9 @@ class State:
     def _vector(self) -> Any:
         """A vector for each particle of all replicas, in the layout of the state."""
         result = ti.Vector.field(self.dimensions, float)
-        if self._layout == ti.Layout.SOA:
+        if self._layout is VectorLayout.SIDE_BY_SIDE:
+            self._vectors.append(result)
+        elif self._layout is VectorLayout.BY_COMPONENT:
             self._rows.append((self.total_count, *(result.get_scalar_field(k) for k in range(self.dimensions))))
         else:
             self._rows.append((self.total_count, result))

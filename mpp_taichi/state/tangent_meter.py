@@ -24,14 +24,14 @@ class TangentMeter:
     Mech. Dyn. Astron. 67 (1997) 41.
     """
 
-    def __init__(self, state: Any, free: np.ndarray, *, copies: int, single_logarithm: bool) -> None:
+    def __init__(self, state: Any, free: np.ndarray, copies: int, *, on_cpu: bool) -> None:
         """Name the fields.
 
         free              the axes along which each particle may move, (particle_count, 3)
         copies            replicas of each system: one, or as many as `copies_of` gives
-        single_logarithm  the device has the logarithm in f32 only; L is then exact to 10⁻⁶
+        on_cpu            else the logarithm is taken in f32, which every GPU has; L is then exact to 10⁻⁶
         """
-        self.state, self.copies, self.single_logarithm = state, copies, single_logarithm
+        self.state, self.copies, self.single_logarithm = state, copies, not on_cpu
         self.free = np.asarray(free)[:, : state.dimensions] != 0
         self.deviation = tuple(getattr(state, PREFIX + name) for name in MOVED)
         self.sums = {name: getattr(state, PREFIX + name) for name in SUMS}

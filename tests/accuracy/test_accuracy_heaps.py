@@ -129,6 +129,7 @@ def test_a_heap_has_a_reference_whose_bar_holds_the_mean_of_many_runs(heap_study
     assert found.bar < 0.1
 
 
+@pytest.mark.sampled(3)
 def test_the_errors_of_a_heap_are_true_where_they_are_numbers_and_bounds_else(heap_study, many_runs):
     rows = [row for row in heap_study.rows() if row.sample.status == "ok" and row.sample.values]
     numbers = 0

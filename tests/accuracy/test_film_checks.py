@@ -62,6 +62,7 @@ def test_the_error_of_every_frame_is_measured(study):
         assert row.sample.along == pytest.approx(largest / study.reference.size, rel=0.1)
 
 
+@pytest.mark.sampled(3)
 def test_the_run_for_a_film_is_within_its_bar_in_every_frame(study, monkeypatch):
     monkeypatch.setattr(verdict_of, "FILM", FILM)
     found = verdict_of.verdict(study.rows(), "position", 1e-6)["film"]

@@ -35,8 +35,9 @@ SHORTER = {
     "scenes": [],
     "new": [],
     "passport": [],
-    "sweep": ["--steps", "2", "--chunk", "100", "--workers", "1", "--refine", "1"],  # of a grid the first round alone
+    "sweep": ["--steps", "2", "--chunk", "100", "--workers", "1"],
 }
+FIRST_ROUND = ["--refine", "1"]  # of a grid the first round alone
 PARSED_ONLY = {
     "check": "minutes for a folder: tests/scenes/test_bundled_scenes.py runs the scenes, tests/cli/test_check.py the verb",
     "explain": "times every effect, 8 s of compiling: tests/cli/test_explain.py runs it",
@@ -196,7 +197,13 @@ def shortened(words: list[str]) -> list[str]:
         while SHORTER[words[0]] and option in kept:
             at = kept.index(option)
             del kept[at : at + 2]
-    return [*kept, *SHORTER[words[0]]]
+    return [*kept, *SHORTER[words[0]], *(FIRST_ROUND if words[0] == "sweep" and not is_a_sample(words) else [])]
+
+
+def is_a_sample(words: list[str]) -> bool:
+    """Whether a sweep draws its members at random, so that there is no grid to refine."""
+    scene = Path(words[1])
+    return "--sample" in words or (scene.suffix == ".yaml" and bool(re.search(r"^  sample:", scene.read_text(), re.MULTILINE)))
 
 
 def place(spec):

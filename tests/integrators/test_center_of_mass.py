@@ -264,6 +264,7 @@ def test_every_adaptive_method_and_every_method_of_high_order_steps_about_the_ce
             assert name in CENTERED
 
 
+@pytest.mark.sampled(3)
 def test_energies_and_momenta_are_those_of_the_frame_of_the_scene():
     """König: K = K′ + ½ M V², L = L′ + M X × V, and the errors are those of the motion about the centre, or of rounding."""
     values = []

@@ -18,6 +18,7 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.state import State
+from mpp_taichi.state.vector_layout import VectorLayout
 
 COUNT = 6000
 SAMPLE = 400  # bodies whose force is summed in NumPy; the 99th percentile is then the fourth largest error
@@ -65,7 +66,9 @@ class Tree:
         zeros, every = np.zeros((count, 3)), np.ones((count, 3), bool)
         snapshot = Snapshot(zeros, zeros, np.ones(count), np.zeros(count), np.zeros(count), zeros, every, ("",) * count)
         self.force = NewtonianGravity(strength=1.0, softening=0.0, solver="tree", accuracy=None)
-        self.state = State(snapshot, dimensions=dimensions, needs=self.force.needs, scratch_count=0, streaming=True)
+        self.state = State(
+            snapshot, dimensions=dimensions, needs=self.force.needs, scratch_count=0, layout=VectorLayout.BY_COMPONENT
+        )
         self.sum = TreeSum(self.force, count, dimensions)
 
     def place(self, position, mass, accuracy=1e-3, *, softening=0.0, strength=1.0):
@@ -253,6 +256,7 @@ def test_a_tree_sums_nothing_beside_others(tree):
 # Other devices ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 def test_the_bits_do_not_depend_on_the_threads():
     position, mass = bodies("plummer")
     found = []

@@ -82,6 +82,7 @@ def test_a_run_of_more_steps_than_a_clock_tells_apart_is_refused():
         simulation.run(until=1.0, judge="off")
 
 
+@pytest.mark.sampled(3)
 def test_a_sample_of_more_own_steps_than_can_be_counted_is_refused():
     with Simulation(orbit(ias15={"dt": 1e30}), backend="cpu") as simulation, pytest.raises(CapacityError, match="shorter dt"):
         simulation.run(steps=1)

@@ -103,6 +103,7 @@ def test_lanes_change_no_bit_of_a_tangent(name, precision, monkeypatch):
 
 
 @pytest.mark.parametrize("count", [2, 8, 17])
+@pytest.mark.sampled(3)
 def test_bits_do_not_depend_on_the_other_lanes_on_launches_or_on_threads(count):
     scene = kepler()
     found = starts(scene, 17)

@@ -8,6 +8,7 @@ from mpp_taichi.energy.energy_meter import EnergyMeter, PowerMeter
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.state.state import State
+from mpp_taichi.state.vector_layout import VectorLayout
 
 TIME = 0.3  # at which forces are asked, not 0, so that one that swings with time does not vanish
 
@@ -66,7 +67,7 @@ class CompiledForces:
             dimensions=dimensions,
             needs=self.total_force.needs,
             scratch_count=0,
-            streaming=self.total_force.has_pairs,
+            layout=VectorLayout.BY_COMPONENT if self.total_force.has_pairs else VectorLayout.BY_PARTICLE,
         )
         self.meter = EnergyMeter(self.state, self.total_force)
         self.mass = snapshot.mass

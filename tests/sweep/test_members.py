@@ -101,6 +101,7 @@ def test_bits_do_not_depend_on_neighbours_chunks_or_threads():
     assert together == one_by_one == backwards == threads
 
 
+@pytest.mark.sampled(3)
 def test_chaos_of_a_member_has_the_bits_of_a_run_of_its_own():
     measures = ["megno", "lyapunov", "fli"]
     store = sweep(KEPLER, vary=VARIED["masses"], measure=measures)

@@ -99,6 +99,7 @@ def test_words_have_no_middle():
     assert rounds == 1 and known[:, ::8].all() and known.sum() == 5 * 17
 
 
+@pytest.mark.sampled(3)
 def test_the_command_runs_rounds_and_goes_on_with_them(tmp_path, capsys):
     scene, folder = tmp_path / "ball.yaml", tmp_path / "ball.sweep"
     scene.write_text(TOGETHER, encoding="utf-8")

@@ -61,6 +61,7 @@ def test_a_chaotic_pendulum_is_as_scipy_has_it():
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.7, 12.0])
+@pytest.mark.sampled(3)
 def test_the_growth_in_the_steps_of_ias15_is_as_scipy_has_it_at_any_sample(dt):
     """The samples are inside steps, a step is a tenth of a swing, and no sum depends on how many samples there were."""
     steps = round(12 / dt)
@@ -146,6 +147,7 @@ def test_deviations_of_a_kepler_orbit_are_the_closed_form():
 
 
 @pytest.mark.parametrize("method", ["leapfrog", "rk4", "ias15"])
+@pytest.mark.sampled(3)
 def test_a_saved_run_goes_on_with_the_same_bits(method, tmp_path):
     scene = spring_pendulum(0.01, method)
     with Simulation(scene, backend="cpu", precision="f64") as whole, Simulation(scene, backend="cpu") as parts:
@@ -161,6 +163,7 @@ def test_a_saved_run_goes_on_with_the_same_bits(method, tmp_path):
 
 
 @pytest.mark.parametrize("cut, method", [(1, "velocity_verlet"), (17, "velocity_verlet"), (17, "ias15")])
+@pytest.mark.sampled(3)
 def test_the_growth_goes_on_from_an_archive(tmp_path, cut, method):
     path, ends = tmp_path / "a.run", []
     with Simulation(spring_pendulum(0.01, method), backend="cpu", precision="f64") as simulation:

@@ -75,6 +75,7 @@ def test_only_scenes_that_ask_for_it_have_a_tangent():
 
 
 @pytest.mark.parametrize("name", ["leapfrog", "ias15"])
+@pytest.mark.sampled(3)
 def test_deviations_are_rescaled_without_a_change_of_digits(name):
     ends = []
     for scale in (1.0, 2.0**60, 2.0**-60):  # far outside of the range in which deviations are kept

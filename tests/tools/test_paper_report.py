@@ -114,6 +114,7 @@ def test_the_runs_agree_with_the_paper_except_where_it_is_wrong(made):
     assert year["ours"] == pytest.approx(365.2998, rel=1e-4 / 24)  # Kepler's third law with both masses; the step adds 1e-8
 
 
+@pytest.mark.sampled(3)
 def test_the_page_is_one_file_that_asks_for_nothing(made):
     text, rows = made
     root = ElementTree.fromstring(text.removeprefix("<!DOCTYPE html>"))

@@ -103,12 +103,13 @@ def taichi_contenders(position, mass):
     from mpp_taichi.neighbors.all_pairs import AllPairs
     from mpp_taichi.snapshot import Snapshot
     from mpp_taichi.state.state import State
+    from mpp_taichi.state.vector_layout import VectorLayout
 
     count = len(mass)
     zeros = np.zeros((count, 3))
     snapshot = Snapshot(position, zeros, mass, np.ones(count), np.zeros(count), zeros, np.ones((count, 3), bool), ("",) * count)
     force = NewtonianGravity(strength=1.0, softening=SOFTENING)
-    state = State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, streaming=True)
+    state = State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, layout=VectorLayout.BY_COMPONENT)
     pairs = AllPairs((force,), count, 3)
     lanes, threads, tiles, outside = pairs.lane_count, pairs.thread_count, pairs.tile_count, count - pairs.lane_count
     x, m, a = state.position, state.mass, state.acceleration

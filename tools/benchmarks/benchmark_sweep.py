@@ -5,7 +5,8 @@
 The scene is `kepler16`, leapfrog in f64, from starts at other distances and phases, without and with the derivative of each
 step, as `megno` needs it; the same steps with REBOUND's leapfrog
 (fixed step, no collisions) in a pool. One and two threads, or processes, in turn in one process; medians of the repeats in
-nanoseconds for a step of a member. REBOUND sums the three pairs by the same formula; its set-up is not counted.
+nanoseconds for a step of a member. REBOUND sums the three pairs by the same formula; its set-up is not counted. Then the same
+with `ias15` for the same stretch of time: each member takes steps of its own choice, and the row has the time of one of them.
 
 Then the verb: the whole of a sweep that measures the end of each member, with reading and placing members, samples, chunks,
 table and pictures, beside the time of its launches, which the first part tells; and the same command again, which finds all
@@ -29,6 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 DT = 0.1
+STRETCH = 200.0  # of time, in days, for which methods with steps of their own run; some 170 steps
 GAS = """
 dimensions: 2
 particles:
@@ -71,10 +73,17 @@ def starts(members):
 
 def ours(found, threads, *, tangent=False):
     """A launch of so many steps of all replicas, as a function; with the derivative of each step where `tangent`."""
+    asked = {"+expect.megno.above": 0} if tangent else {}
+    return launched(found, threads, asked)
+
+
+def launched(found, threads, overrides):
+    """A launch of so many steps of all replicas of the scene with other settings, as a function; and the simulation."""
     from mpp_taichi import Simulation
 
-    asked = {"+expect.megno.above": 0} if tangent else {}
-    simulation = Simulation("kepler16", backend="cpu", precision="f64", replica_starts=found, threads=threads, overrides=asked)
+    simulation = Simulation(
+        "kepler16", backend="cpu", precision="f64", replica_starts=found, threads=threads, overrides=overrides
+    )
     simulation.try_steps(1, judged=False)
 
     def run(steps):
@@ -86,24 +95,32 @@ def ours(found, threads, *, tangent=False):
 _theirs = []
 
 
-def begin_theirs(mass, position, velocity, strength):
-    """Simulations of REBOUND in a process of the pool."""
+def begin_theirs(mass, position, velocity, strength, method):
+    """Simulations of REBOUND in a process of the pool; those of ias15 go to the end of the first stretch of time."""
     import rebound
 
     for x, v in zip(position, velocity):
         simulation = rebound.Simulation()
-        simulation.G, simulation.dt, simulation.integrator = strength, DT, "leapfrog"
+        simulation.G, simulation.dt, simulation.integrator = strength, DT, method
         for k in range(3):
             simulation.add(m=mass[k], x=x[k][0], y=x[k][1], z=x[k][2], vx=v[k][0], vy=v[k][1], vz=v[k][2])
+        if method == "ias15":
+            simulation.integrate(STRETCH, exact_finish_time=0)
         _theirs.append(simulation)
 
 
 def run_theirs(steps):
-    """Take so many steps of all simulations of this process; the seconds that they took."""
-    began = time.perf_counter()
+    """Take so many steps of all simulations of this process; those of ias15 take steps until a stretch of time is over.
+
+    Returns the number of steps of a simulation, a mean.
+    """
+    before = sum(simulation.steps_done for simulation in _theirs)
     for simulation in _theirs:
-        simulation.steps(steps)
-    return time.perf_counter() - began
+        if simulation.integrator == "ias15":
+            simulation.integrate(STRETCH * (1 + simulation.t // STRETCH), exact_finish_time=0)
+        else:
+            simulation.steps(steps)
+    return (sum(simulation.steps_done for simulation in _theirs) - before) / len(_theirs)
 
 
 def serve(connection, *start):
@@ -111,20 +128,19 @@ def serve(connection, *start):
     begin_theirs(*start)
     connection.send(True)
     while (steps := connection.recv()) is not None:
-        run_theirs(steps)
-        connection.send(True)
+        connection.send(run_theirs(steps))
 
 
 class Pool:
     """Processes of REBOUND that share the members."""
 
-    def __init__(self, count, mass, position, velocity, strength):
+    def __init__(self, count, mass, position, velocity, strength, method="leapfrog"):
         """Start, and wait until all are set up."""
         context = multiprocessing.get_context("spawn")
         self.ends, self.processes = [], []
         for part in range(count):
             mine, other = context.Pipe()
-            arguments = (other, mass, position[part::count], velocity[part::count], strength)
+            arguments = (other, mass, position[part::count], velocity[part::count], strength, method)
             self.processes.append(context.Process(target=serve, args=arguments, daemon=True))
             self.processes[-1].start()
             self.ends.append(mine)
@@ -132,11 +148,10 @@ class Pool:
             end.recv()
 
     def run(self, steps):
-        """Take the steps, all processes at once."""
+        """Take the steps, all processes at once; the number of steps of a simulation."""
         for end in self.ends:
             end.send(steps)
-        for end in self.ends:
-            end.recv()
+        return float(np.mean([end.recv() for end in self.ends]))
 
     def close(self):
         """End the processes."""
@@ -169,6 +184,36 @@ def measure_steps(members, steps, repeats):
         simulation.close()
         other.close()
     return rows
+
+
+def measure_adaptive(members, repeats):
+    """Median nanoseconds for a step of a member that chooses its steps, by contender, and the ratio of their times."""
+    from mpp_taichi.scene.load import load_scene
+
+    found, mass, position, velocity = starts(members)
+    strength = load_scene("kepler16").gravity
+    rows, ratios = {}, {}
+    for count in (1, 2):
+        run, simulation = launched(found, count, {"integrator": {"ias15": {"dt": STRETCH}}})
+        pool = Pool(count, mass, position, velocity, strength, "ias15")
+        theirs, mine, shares = [], [], []
+        for _ in range(repeats):
+            before = simulation.phase.launcher.facts()["step_control"]["steps"]
+            began = time.perf_counter()
+            run(1)
+            seconds = time.perf_counter() - began
+            mine.append(seconds / (simulation.phase.launcher.facts()["step_control"]["steps"] - before) * 1e9)
+            began = time.perf_counter()
+            taken = pool.run(0)
+            other = time.perf_counter() - began
+            theirs.append(other / taken / members * 1e9)
+            shares.append(other / seconds)
+        named = {f"members, ias15, {count} threads": mine, f"REBOUND, ias15, {count} processes": theirs}
+        rows |= {name: float(np.median(each)) for name, each in named.items()}
+        ratios[count] = float(np.median(shares))
+        pool.close()
+        simulation.close()
+    return rows, ratios
 
 
 def measure_verb(members, steps):
@@ -224,12 +269,15 @@ def main():
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     rows = measure_steps(options.members, options.steps, options.repeats)
-    print(f"{'contender':24} {'ns for a step of a member':>26}")
+    adaptive, of_adaptive = measure_adaptive(options.members // 8, options.repeats)
+    rows |= adaptive
+    print(f"{'contender':38} {'ns for a step of a member':>26}")
     for name, value in rows.items():
-        print(f"{name:24} {value:26.1f}")
+        print(f"{name:38} {value:26.1f}")
     scaling = rows["members, 1 threads"] / rows["members, 2 threads"] / 2
     ratio = rows["REBOUND, 2 processes"] / rows["members, 2 threads"]
     print(f"\nREBOUND's time ÷ ours, two processes: {ratio:.2f}; scaling over two threads: {scaling:.2f} of ideal")
+    print(f"REBOUND's time ÷ ours with ias15: {of_adaptive[1]:.2f} of one process, {of_adaptive[2]:.2f} of two")
     steps = 10 * options.steps
     members, seconds, again = measure_verb(options.members, steps)
     launches = members * steps * rows["members, 2 threads"] * 1e-9
@@ -244,6 +292,7 @@ def main():
         print(f"{name:24} {row['sweep']:26.3f} {row['processes']:26.3f}")
     if options.json:
         found = {"members": options.members, "steps": options.steps, "ns": rows, "scaling": scaling, "ratio": ratio}
+        found |= {"ratio_of_ias15": of_adaptive}
         found |= {"verb": {"members": members, "steps": steps, "seconds": seconds, "launches": launches, "again": again}}
         found |= {"seconds_of_a_member": others}
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")

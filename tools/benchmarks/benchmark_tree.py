@@ -42,12 +42,13 @@ def program(position, mass, accuracies):
     from mpp_taichi.neighbors.tree import TreeSum
     from mpp_taichi.snapshot import Snapshot
     from mpp_taichi.state.state import State
+    from mpp_taichi.state.vector_layout import VectorLayout
 
     count = len(mass)
     zeros = np.zeros((count, 3))
     snapshot = Snapshot(position, zeros, mass, np.ones(count), np.zeros(count), zeros, np.ones((count, 3), bool), ("",) * count)
     force = NewtonianGravity(strength=1.0, softening=0.0, solver="tree", accuracy=None)
-    state = State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, streaming=True)
+    state = State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, layout=VectorLayout.BY_COMPONENT)
     tree, pairs = TreeSum(force, count, 3), AllPairs((force,), count, 3)
 
     def by_tree(accuracy):

@@ -35,11 +35,14 @@ def build(count):
     from mpp_taichi.neighbors.tree import TreeSum
     from mpp_taichi.snapshot import Snapshot
     from mpp_taichi.state.state import State
+    from mpp_taichi.state.vector_layout import VectorLayout
 
     zeros, every = np.zeros((count, 3)), np.ones((count, 3), bool)
     snapshot = Snapshot(zeros, zeros, np.ones(count), np.ones(count), np.zeros(count), zeros, every, ("",) * count)
     force = NewtonianGravity(strength=1.0, softening=0.0, solver="tree", accuracy=None)
-    return State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, streaming=True), TreeSum(force, count, 3)
+    return State(snapshot, dimensions=3, needs=force.needs, scratch_count=0, layout=VectorLayout.BY_COMPONENT), TreeSum(
+        force, count, 3
+    )
 
 
 def measure(kind, state, tree, options, precision):

@@ -93,6 +93,7 @@ class Ours:
         from mpp_taichi.forces.spring import Spring
         from mpp_taichi.integrators.leapfrog import Leapfrog
         from mpp_taichi.state.state import State
+        from mpp_taichi.state.vector_layout import VectorLayout
         from mpp_taichi.step import plans
         from mpp_taichi.step.choose import launcher_for
 
@@ -103,7 +104,9 @@ class Ours:
         amount = plans.WORK_PER_HALF_SPRING * 2 * len(snapshot.springs) + plans.WORK_PER_PARTICLE * snapshot.particle_count
         self.plan = plans.choose(amount, on_cpu=True, replica_count=1)
         work = integrator.work_fields(total, snapshot, plan=self.plan, on_cpu=True)
-        self.state = State(snapshot, dimensions=3, needs=total.needs, scratch_count=scratch, streaming=False, work=work)
+        self.state = State(
+            snapshot, dimensions=3, needs=total.needs, scratch_count=scratch, layout=VectorLayout.BY_PARTICLE, work=work
+        )
         self.launcher = launcher_for(self.state, total, integrator, plan=self.plan, on_cpu=True)
 
     def advance(self, steps):
