@@ -54,7 +54,10 @@ def _centers(values: np.ndarray, snapshot: Snapshot, of: Particles | None) -> np
         return values[:, of[0]]
     mass, chosen = snapshot.mass[:, rows(of), None], values[:, rows(of)]
     whole = mass.sum(axis=1)
-    return np.where(whole != 0.0, (mass * chosen).sum(axis=1) / np.where(whole != 0.0, whole, 1.0), chosen.mean(axis=1))
+    total = (mass * chosen).sum(axis=1)
+    if (whole != 0.0).all():
+        return np.asarray(total / whole)
+    return np.where(whole != 0.0, total / np.where(whole != 0.0, whole, 1.0), chosen.mean(axis=1))
 
 
 def component_of(vector: np.ndarray, axis: str | None) -> float:

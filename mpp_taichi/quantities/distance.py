@@ -1,5 +1,7 @@
 """The distance of two particles, or of a particle from a point or from the centre of mass."""
 
+from functools import cached_property
+
 import numpy as np
 
 from mpp_taichi.component import Pair, Particles, Vector, component, param
@@ -25,6 +27,7 @@ class Distance(OfEach):
     dimension = (1, 0, 0)
     has_rate = True
     takes_many = True
+    _last: "_Relative | None" = None
 
     def begin(self, setting: Setting) -> None:
         """Check that there is one place to measure from."""
@@ -43,32 +46,32 @@ class Distance(OfEach):
 
     def measure(self, sample: RunSample) -> float:
         """The distance."""
-        return float(np.linalg.norm(self._separation(sample)))
+        return float(np.linalg.norm(self._relative(sample).separation))
 
     def rate(self, sample: RunSample) -> float:
         """The part of the relative velocity along the separation; 0 where the two ends are at one place."""
-        separation = self._separation(sample)
+        separation = self._relative(sample).separation
         distance = float(np.linalg.norm(separation))
-        return float(separation @ self._motion(sample)) / distance if distance > 0.0 else 0.0
+        return float(separation @ self._relative(sample).motion) / distance if distance > 0.0 else 0.0
 
     def sampling_interval(self, sample: RunSample) -> float:
         """The time in which the ends move by `LARGEST_TURN` of their distance."""
-        speed = float(np.linalg.norm(self._motion(sample)))
+        speed = float(np.linalg.norm(self._relative(sample).motion))
         return LARGEST_TURN * self.measure(sample) / speed if speed > 0.0 else np.inf
 
     def measure_many(self, many: ManySample) -> np.ndarray:
         """The distance in each copy."""
-        return lengths(self._separation(many))
+        return lengths(self._relative(many).separation)
 
     def rate_many(self, many: ManySample) -> np.ndarray:
         """The rate in each copy."""
-        separation, motion = self._separation(many), self._motion(many)
+        separation, motion = self._relative(many).separation, self._relative(many).motion
         distance, along = lengths(separation), (separation * motion).T
         return np.where(distance > 0.0, (along[0] + along[1] + along[2]) / np.where(distance > 0.0, distance, 1.0), 0.0)
 
     def sampling_interval_many(self, many: ManySample) -> np.ndarray:
         """The interval of each copy."""
-        speed = lengths(self._motion(many))
+        speed = lengths(self._relative(many).motion)
         return np.where(speed > 0.0, LARGEST_TURN * self.measure_many(many) / np.where(speed > 0.0, speed, 1.0), np.inf)
 
     def each(self, sample: RunSample) -> np.ndarray:
@@ -83,14 +86,33 @@ class Distance(OfEach):
     def _to(self) -> tuple[int, int] | None:
         return self.to if self.between is None else (self.between[1], 1)
 
-    def _separation(self, sample: RunSample | ManySample) -> np.ndarray:
-        return self._end(sample) - center_of(sample.snapshot.position, sample.snapshot, self._of)
+    def _relative(self, sample: RunSample | ManySample) -> "_Relative":
+        """The two ends in a sample, the same object as long as the same sample is asked for."""
+        if self._last is None or self._last.sample is not sample:
+            self._last = _Relative(self, sample)
+        return self._last
 
     def _end(self, sample: RunSample | ManySample) -> np.ndarray:
         snapshot = sample.snapshot
         return np.array(self.point) if self.point is not None else center_of(snapshot.position, snapshot, self._to)
 
-    def _motion(self, sample: RunSample | ManySample) -> np.ndarray:
-        snapshot = sample.snapshot
-        end = np.zeros(3) if self.point is not None else center_of(snapshot.velocity, snapshot, self._to)
-        return end - center_of(snapshot.velocity, snapshot, self._of)
+
+class _Relative:
+    """The ends of a distance in one sample: value, rate and interval need the same means over the particles."""
+
+    def __init__(self, distance: Distance, sample: RunSample | ManySample) -> None:
+        """Nothing is computed yet."""
+        self._distance, self.sample = distance, sample
+
+    @cached_property
+    def separation(self) -> np.ndarray:
+        """From the particle or group to the other end [length], (3,) or (copies, 3)."""
+        snapshot = self.sample.snapshot
+        return self._distance._end(self.sample) - center_of(snapshot.position, snapshot, self._distance._of)
+
+    @cached_property
+    def motion(self) -> np.ndarray:
+        """The rate of the separation [length / time]."""
+        distance, snapshot = self._distance, self.sample.snapshot
+        end = np.zeros(3) if distance.point is not None else center_of(snapshot.velocity, snapshot, distance._to)
+        return end - center_of(snapshot.velocity, snapshot, distance._of)

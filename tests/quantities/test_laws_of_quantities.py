@@ -172,7 +172,9 @@ def test_two_ends_of_a_distance_move_by_a_tenth_of_it_between_samples(spec, star
     for given in GIVEN["distance"]:
         quantity = built("distance", given, spec, start)
         interval = quantity.sampling_interval(sample_of(start))
-        moved = quantity._separation(sample_of(later(start, interval))) - quantity._separation(sample_of(start))
+        moved = (
+            quantity._relative(sample_of(later(start, interval))).separation - quantity._relative(sample_of(start)).separation
+        )
         assert np.linalg.norm(moved) == pytest.approx(0.1 * quantity.measure(sample_of(start)), rel=1e-12)
     at_rest = replace(start, velocity=np.zeros_like(start.velocity))
     assert quantity.sampling_interval(sample_of(at_rest)) == math.inf
