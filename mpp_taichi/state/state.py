@@ -353,14 +353,15 @@ class State:
 
     def read_replicas(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities of all replicas, (replica_count, particle_count, 3)."""
-        results = np.zeros((2, self.total_count, 3))
-        for number, values in enumerate(self._read(*self._moved)):
-            results[number % 2, :, : self.dimensions] += values
-        position, velocity = results.reshape(2, self.replica_count, self.particle_count, 3)
-        if self.frame is not None:
-            position[:, :, : self.dimensions] += self.frame.place[:, None]
-            velocity[:, :, : self.dimensions] += self.frame.drift[:, None]
-        return position, velocity
+        shape = (self.replica_count, self.particle_count)
+        results, parts = np.zeros((2, *shape, 3)), self._read(*self._moved)
+        shifts = (0.0, 0.0) if self.frame is None else (self.frame.place[:, None], self.frame.drift[:, None])
+        for number, shift in enumerate(shifts):
+            total = parts[number].astype(np.float64, copy=False)
+            for low in parts[number + 2 :: 2]:
+                total = total + low
+            np.add(total.reshape(*shape, self.dimensions), shift, out=results[number][:, :, : self.dimensions])
+        return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:
         """Positions and velocities of all replicas, the fields of `memory` and the numbers of the frame, bit for bit."""
