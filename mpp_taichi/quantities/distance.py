@@ -1,12 +1,11 @@
 """The distance of two particles, or of a particle from a point or from the centre of mass."""
 
-from functools import cached_property
-
 import numpy as np
 
 from mpp_taichi.component import Pair, Particles, Vector, component, param
 from mpp_taichi.quantities._base import ManySample, NoResultError, OfEach, RunSample, Setting, of_which
-from mpp_taichi.quantities._particles import center_of, lengths, rows
+from mpp_taichi.quantities._ends_of_distance import EndsOfDistance
+from mpp_taichi.quantities._particles import lengths, rows
 
 LARGEST_TURN = 0.1  # of the distance: farther the two ends may not move between two samples
 
@@ -27,7 +26,7 @@ class Distance(OfEach):
     dimension = (1, 0, 0)
     has_rate = True
     takes_many = True
-    _last: "_Relative | None" = None
+    _last: EndsOfDistance | None = None
 
     def begin(self, setting: Setting) -> None:
         """Check that there is one place to measure from."""
@@ -76,7 +75,7 @@ class Distance(OfEach):
 
     def each(self, sample: RunSample) -> np.ndarray:
         """The distances of all particles of the group."""
-        return np.linalg.norm(sample.snapshot.position[rows(self._of)] - self._end(sample), axis=1)
+        return np.linalg.norm(sample.snapshot.position[rows(self._of)] - self._relative(sample).end, axis=1)
 
     @property
     def _of(self) -> tuple[int, int] | None:
@@ -86,33 +85,8 @@ class Distance(OfEach):
     def _to(self) -> tuple[int, int] | None:
         return self.to if self.between is None else (self.between[1], 1)
 
-    def _relative(self, sample: RunSample | ManySample) -> "_Relative":
+    def _relative(self, sample: RunSample | ManySample) -> EndsOfDistance:
         """The two ends in a sample, the same object as long as the same sample is asked for."""
         if self._last is None or self._last.sample is not sample:
-            self._last = _Relative(self, sample)
+            self._last = EndsOfDistance(sample, self._of, self._to, self.point)
         return self._last
-
-    def _end(self, sample: RunSample | ManySample) -> np.ndarray:
-        snapshot = sample.snapshot
-        return np.array(self.point) if self.point is not None else center_of(snapshot.position, snapshot, self._to)
-
-
-class _Relative:
-    """The ends of a distance in one sample: value, rate and interval need the same means over the particles."""
-
-    def __init__(self, distance: Distance, sample: RunSample | ManySample) -> None:
-        """Nothing is computed yet."""
-        self._distance, self.sample = distance, sample
-
-    @cached_property
-    def separation(self) -> np.ndarray:
-        """From the particle or group to the other end [length], (3,) or (copies, 3)."""
-        snapshot = self.sample.snapshot
-        return self._distance._end(self.sample) - center_of(snapshot.position, snapshot, self._distance._of)
-
-    @cached_property
-    def motion(self) -> np.ndarray:
-        """The rate of the separation [length / time]."""
-        distance, snapshot = self._distance, self.sample.snapshot
-        end = np.zeros(3) if distance.point is not None else center_of(snapshot.velocity, snapshot, distance._to)
-        return end - center_of(snapshot.velocity, snapshot, distance._of)

@@ -38,7 +38,6 @@ def test_an_overlapping_pair_bounces_and_is_moved_apart_by_inverse_mass():
 
 
 @pytest.mark.parametrize("walls", [True, False], ids=["walls", "periodic"])
-@pytest.mark.sampled(3)
 def test_the_bits_depend_neither_on_how_pairs_are_found_nor_on_the_threads(walls):
     """And the energy of an elastic gas stays, whatever is moved where."""
     position, velocity, edges = gas(8, 0.35)

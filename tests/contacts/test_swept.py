@@ -207,7 +207,6 @@ def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
 
 
 @pytest.mark.parametrize(("h", "steps"), [(0.1, 5), (0.02, 12)], ids=["partners anew", "partners kept"])
-@pytest.mark.sampled(3)
 def test_the_bits_do_not_depend_on_the_threads_nor_on_chance(h, steps):
     position, velocity, edges = gas(10, 0.3)
     results = set()

@@ -85,7 +85,6 @@ def test_every_part_is_on_where_nothing_is_said(everything):
 
 
 @pytest.mark.parametrize("variable", ["off", *HALVES])
-@pytest.mark.sampled(3)
 def test_what_is_off_is_not_installed_and_results_stay(variable, everything):
     off = switch.NAMES if variable == "off" else tuple(variable.split(","))
     found = run(variable)

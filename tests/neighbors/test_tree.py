@@ -256,7 +256,6 @@ def test_a_tree_sums_nothing_beside_others(tree):
 # Other devices ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled(3)
 def test_the_bits_do_not_depend_on_the_threads():
     position, mass = bodies("plummer")
     found = []

@@ -128,7 +128,6 @@ def test_the_same_run_twice_gives_the_same_bits(plan, dimensions):
     assert all(np.array_equal(runs[0].velocity, run.velocity) for run in runs[1:])
 
 
-@pytest.mark.sampled(3)
 def test_any_number_of_threads_gives_the_same_bits():
     code = (
         "import sys, hashlib; sys.path.insert(0, 'tests/support'); import scenes; from mpp_taichi import Simulation\n"
