@@ -87,14 +87,9 @@ class RadauDeviation:
     # Between the nodes
 
     @ti.func
-    def show(self, total_force: Template, first, share, length):
-        """Set the deviation and the sums of its growth to their values at the place `share` of the step."""
-        self._add(total_force, first, share, length)
-
-    @ti.func
     def enter_next(self, total_force: Template, first, length, share):
         """Make the end of the step the start of the next step, longer by the factor `share`."""
-        self._add(total_force, first, 1.0, length)
+        self.show(total_force, first, 1.0, length)
         r = first // total_force.particle_count
         squared = self.meter.squared(r)
         self.path.enter_next(self.state, total_force, first, ti.cast(length, float), share)
@@ -105,8 +100,11 @@ class RadauDeviation:
         self.growth.keep(r)
 
     @ti.func
-    def _add(self, total_force: Template, first, share, length):
-        """Measure the deviation at the nodes of the part 0 … share of the step, and at its end, where it is left."""
+    def show(self, total_force: Template, first, share, length):
+        """Set the deviation and the sums of its growth to their values at the place `share` of the step.
+
+        The growth is measured at the nodes of the part 0 … share, and at the end of this part.
+        """
         r = first // total_force.particle_count
         h = ti.cast(length, float)
         for n in range(TERMS + 2):

@@ -8,6 +8,7 @@ from mpp_taichi.integrators._radau import integrals
 from mpp_taichi.integrators._radau_polynomial import NODES, TERMS
 from mpp_taichi.state.lane_state import PREFIX
 from mpp_taichi.state.tangent_meter import SUMS, TangentMeter
+from mpp_taichi.types import Template
 
 PLACES = (0.0, *NODES)
 WITHIN = integrals(PLACES, PLACES)
@@ -42,6 +43,11 @@ class RadauGrowth:
             self.state.tangent_kept[ti.static(len(SUMS)) * r + c] = ti.static(self.meter.sums[SUMS[c]])[r]
 
     @ti.func
+    def kept(self, r, name: Template):
+        """A sum at the start of the step."""
+        return self.state.tangent_kept[ti.static(len(SUMS)) * r + ti.static(SUMS.index(name))]
+
+    @ti.func
     def shift(self, r, bits):
         """Note that the deviation was divided by 2^bits."""
         self.meter.sums["shift"][r] += bits * ti.static(math.log(2.0))
@@ -56,11 +62,9 @@ class RadauGrowth:
     @ti.func
     def add(self, r, span):
         """Set the sums to those at the start of the step and the growth in the time `span` from there."""
-        values, kept = ti.static(TERMS + 2) * r, ti.static(len(SUMS)) * r
-        elapsed = self.state.tangent_kept[kept + ti.static(SUMS.index("elapsed"))]
-        integral = self.state.tangent_kept[kept + ti.static(SUMS.index("growth_integral"))]
-        megno = self.state.tangent_kept[kept + ti.static(SUMS.index("megno_integral"))]
-        largest = self.state.tangent_kept[kept + ti.static(SUMS.index("largest_growth"))]
+        values = ti.static(TERMS + 2) * r
+        elapsed, integral = self.kept(r, "elapsed"), self.kept(r, "growth_integral")
+        megno, largest = self.kept(r, "megno_integral"), self.kept(r, "largest_growth")
         gained = ti.cast(0.0, self.state.wide)
         for k in ti.static(range(TERMS + 1)):
             until = integral

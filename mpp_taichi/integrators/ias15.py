@@ -6,7 +6,6 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
-from mpp_taichi.integrators._radau_deviation import RadauDeviation
 from mpp_taichi.integrators._radau_polynomial import TERMS, RadauPolynomial
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -52,22 +51,22 @@ class Ias15(Adaptive):
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The clock, and the polynomial of the step that is shown; that of the deviation too, where there is a deviation."""
-        return ("clock", "tally", *self.path.memory, *(RadauDeviation.memory if self.follows_deviation else ()))
+        """The fields of the clock and of the last step's polynomial, and of the deviation in a run that follows a deviation."""
+        return ("clock", "tally", *self.path.memory, *(_deviation_class().memory if self.follows_deviation else ()))
 
     def follow_deviation(self, meter: Any, dual_state: Any, dual_force: Any) -> None:
         """Follow the deviation of a meter; the state and the sum of the forces are those of dual numbers."""
-        self.deviation = RadauDeviation(meter, dual_state, dual_force)
+        self.deviation = _deviation_class()(meter, dual_state, dual_force)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """The clock, the polynomial of a step, and that of the deviation, where there is a deviation."""
+        """The fields of the clock and of a step's polynomial, and of the deviation in a run that follows a deviation."""
         return {
             "clock": ("wide", self.CLOCK),
             "tally": ("index", self.TALLY),
             "control": ("wide", self.CONTROL),
             "measure": ("wide", 2),
             **self.path.work_fields(start.particle_count),
-            **(RadauDeviation.work_fields(start.particle_count) if self.follows_deviation else {}),
+            **(_deviation_class().work_fields(start.particle_count) if self.follows_deviation else {}),
         }
 
     def control(self) -> tuple[float, float]:
@@ -201,3 +200,10 @@ class Ias15(Adaptive):
             self.deviation.enter_next(total_force, first, state.clock[self.CLOCK * r + 1], share)
         self.path.enter_next(state, total_force, first, h, share)
         state.clock[self.CLOCK * r] += state.clock[self.CLOCK * r + 1]
+
+
+def _deviation_class() -> Any:
+    """RadauDeviation, imported only where a run follows a deviation: its tables and dual numbers take 30 ms of a start."""
+    from mpp_taichi.integrators._radau_deviation import RadauDeviation
+
+    return RadauDeviation

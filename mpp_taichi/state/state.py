@@ -344,23 +344,24 @@ class State:
         """Positions and velocities of one replica as the device has them, (particle_count, 3)."""
         rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
         results = np.zeros((2, self.particle_count, 3))
-        parts = self._read(*self._moved)
-        for result, values in zip(results, parts[:2]):
-            result[:, : self.dimensions] = values[rows]
-        for number, values in enumerate(parts[2:]):
-            results[number % 2, :, : self.dimensions] += values[rows]
+        results[:, :, : self.dimensions] = [values[rows] for values in self._read_sums()]
         return results[0], results[1]
+
+    def _read_sums(self) -> list[np.ndarray]:
+        """Positions and velocities as the device has them, the sums of their parts, (total_count, dimensions)."""
+        parts = self._read(*self._moved)
+        sums = [values.astype(np.float64, copy=False) for values in parts[:2]]
+        for number, low in enumerate(parts[2:]):
+            sums[number % 2] = sums[number % 2] + low
+        return sums
 
     def read_replicas(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities of all replicas, (replica_count, particle_count, 3)."""
         shape = (self.replica_count, self.particle_count)
-        results, parts = np.zeros((2, *shape, 3)), self._read(*self._moved)
+        results = np.zeros((2, *shape, 3))
         shifts = (0.0, 0.0) if self.frame is None else (self.frame.place[:, None], self.frame.drift[:, None])
-        for number, shift in enumerate(shifts):
-            total = parts[number].astype(np.float64, copy=False)
-            for low in parts[number + 2 :: 2]:
-                total = total + low
-            np.add(total.reshape(*shape, self.dimensions), shift, out=results[number][:, :, : self.dimensions])
+        for result, values, shift in zip(results, self._read_sums(), shifts, strict=True):
+            np.add(values.reshape(*shape, self.dimensions), shift, out=result[:, :, : self.dimensions])
         return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:

@@ -27,9 +27,9 @@ class TangentMeter:
     def __init__(self, state: Any, free: np.ndarray, copies: int, *, on_cpu: bool) -> None:
         """Name the fields.
 
-        free              the axes along which each particle may move, (particle_count, 3)
-        copies            replicas of each system: one, or as many as `copies_of` gives
-        on_cpu            else the logarithm is taken in f32, which every GPU has; L is then exact to 10⁻⁶
+        free     the axes along which each particle may move, (particle_count, 3)
+        copies   replicas of each system: one, or as many as `copies_of` gives
+        on_cpu   whether the device is the CPU; on a GPU the logarithm is taken in f32, and L is exact to 10⁻⁶
         """
         self.state, self.copies, self.single_logarithm = state, copies, not on_cpu
         self.free = np.asarray(free)[:, : state.dimensions] != 0

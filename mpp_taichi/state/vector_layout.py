@@ -4,7 +4,7 @@ from enum import Enum
 
 
 class VectorLayout(Enum):
-    """Three ways.
+    """Three ways to place the vectors.
 
     BY_COMPONENT   each component of each vector is an array: a sum over pairs streams through all x, all y and all z
     BY_PARTICLE    each vector is an array of particles: a sum over springs reaches for single particles

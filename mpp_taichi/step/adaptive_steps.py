@@ -5,7 +5,6 @@ import taichi as ti
 
 from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.errors import CapacityError
-from mpp_taichi.state.tangent_state import TangentState
 from mpp_taichi.step.launcher import Launcher
 
 MOST_STEPS = 2**31 - 1
@@ -27,6 +26,8 @@ class AdaptiveSteps(Launcher):
     def set_up(self) -> None:
         """Let the method follow the deviation that a quantity asks for."""
         if self.parts.tangent_meter is not None:
+            from mpp_taichi.state.tangent_state import TangentState  # only where a run follows a deviation
+
             dual_force = self.total_force.with_pairs_in_turn()
             self.integrator.follow_deviation(self.parts.tangent_meter, TangentState(self.state), dual_force)
 

@@ -15,19 +15,14 @@ from mpp_taichi.device.thread_count import start_thread
 MODULE = "mpp_taichi.sweep.worker"
 LOOK_SECONDS = 0.05
 LONGEST_SECONDS = 7 * 24 * 3600.0  # of one chunk: the run of a single member may take days
-LAST_SHARE = 0.125
 TRIES = 2  # of a chunk whose process has died
 
 
 def batches(numbers: Sequence[int], together: int, workers: int) -> Iterator[list[int]]:
-    """Chunks for one launch after the other: first one, soon many, at the end fewer, so that all workers end nearly together.
-
-    The samples of a launch take as long for a few members as for some hundred, so that the last launches are not too small:
-    `LAST_SHARE` of the largest.
-    """
+    """Chunks for one launch after the other: first one, soon many, at the end few, so that all workers end together."""
     taken, waiting = 0, list(numbers)
     while taken < len(waiting):
-        count = min(together, taken + 1, max(-(-(len(waiting) - taken) // (2 * workers)), int(LAST_SHARE * together)))
+        count = min(together, taken + 1, -(-(len(waiting) - taken) // (2 * workers)))
         yield waiting[taken : taken + count]
         taken += count
 

@@ -202,8 +202,10 @@ def shortened(words: list[str]) -> list[str]:
 
 def is_a_sample(words: list[str]) -> bool:
     """Whether a sweep draws its members at random, so that there is no grid to refine."""
-    scene = Path(words[1])
-    return "--sample" in words or (scene.suffix == ".yaml" and bool(re.search(r"^  sample:", scene.read_text(), re.MULTILINE)))
+    if "--sample" in words:
+        return True
+    sweep = None if Path(words[1]).is_dir() else load_scene(words[1]).sweep
+    return sweep is not None and sweep.sample is not None
 
 
 def place(spec):

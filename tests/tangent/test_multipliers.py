@@ -141,7 +141,7 @@ def test_members_with_steps_of_their_own_have_the_bits_of_single_runs():
     for row, share in zip(rows, shares, strict=True):
         scene = {**triangle((1, 0.1, 1), 1, "ias15"), "expect": {name: {"above": -1e9} for name in measure}}
         scene["particles"][1]["body"]["mass"] = share
-        with Simulation(scene, backend="cpu", precision="f64", replica_starts=()) as simulation:
+        with Simulation(scene, backend="cpu", precision="f64") as simulation:
             simulation.run(judge="off")
             growth = simulation.phase.tangent.read()
         alone = [Stability().of(growth)[0], growth.growth[0] / growth.time[0], growth.megno[0], growth.largest[0]]
