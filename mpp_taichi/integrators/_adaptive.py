@@ -33,15 +33,14 @@ class Adaptive(Integrator):
     for each replica, so that one compilation serves all its values.
     """
 
-    launchers = Launchers(
-        serial="adaptive_steps", replicas="adaptive_steps", parallel="", cpu_only=True
-    )  # its loops have no bound
+    launchers = Launchers(serial="adaptive_steps", replicas="adaptive_steps", parallel="", copies_elsewhere=True)
     steps_about_center = True
     path_degree = 0  # of the polynomials that `write_paths` writes; 0: it writes none
     CONTROL = 2
     CLOCK = 3
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
+    TRIES = 4  # of a step in one call of `take_step`; a step that needs more is tried again in the next call
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """None: its fields are work fields with names."""
@@ -76,6 +75,10 @@ class Adaptive(Integrator):
     def lengths(self, state: Any) -> np.ndarray:
         """Length of the last step of each replica [time]."""
         return self._clock(state)[:, 1]
+
+    def are_short_of(self, state: Any, end: float) -> bool:
+        """Whether the last step of a replica that has not stalled ends before `end`."""
+        return bool(((self.times(state) < end) & (self.counts(state)[:, self.STALLED] == 0)).any())
 
     def _clock(self, state: Any) -> np.ndarray:
         kind = ti.lang.util.to_numpy_type(state.wide)
@@ -136,10 +139,12 @@ class Adaptive(Integrator):
         """Take the state at `time` as the start of the first step."""
 
     @ti.func
-    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until a step ends at `end` or later."""
+    def advance_to(self, state: Template, total_force: Template, first, end: Template, most, shape: Template):
+        """Take steps until a step ends at `end` or later, but no more than `most` steps."""
         r = first // total_force.particle_count
-        while self.is_short_of(state, r, end):
+        left = most
+        while left > 0 and self.is_short_of(state, r, end):
+            left -= 1
             if state.clock[self.CLOCK * r + 1] > 0.0:
                 self.enter_next(state, total_force, first)
             self.take_step(state, total_force, first, shape)
@@ -150,7 +155,17 @@ class Adaptive(Integrator):
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
-        """Take one step from its start, and write its length and the length of the next step into `clock`."""
+        """Take one step from its start, and write its length and the length of the next step into `clock`.
+
+        Where none of `TRIES` tries is accurate enough, the length is 0, and the next length is that of the next try.
+        """
+
+    def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
+        """Loop iterations of one call of `take_step`, with `enter_next` and `show`, an upper bound: some devices limit them.
+
+        `per_evaluation` are the iterations of a sum of the forces.
+        """
+        raise TypeError(f"{type(self).__name__} does not tell the iterations of a step")
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
@@ -186,6 +201,12 @@ class Adaptive(Integrator):
         state.clock[self.CLOCK * r + 1] = 0.0
 
     @ti.func
+    def count(self, state: Template, r, which, amount):
+        """Add to a count of replica r. `+=` would be an atomic, which ends the loops of a thread on software Vulkan."""
+        place = self.TALLY * r + which
+        state.tally[place] = state.tally[place] + amount
+
+    @ti.func
     def time_of_change(self, state: Template, fastest, most, widest, time, dt):
         """Time in which the largest acceleration doubles the largest speed, or carries a particle from rest across the system.
 
@@ -217,7 +238,7 @@ class Adaptive(Integrator):
     @ti.func
     def evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
         """Set state.acceleration to the sum of the forces that do not depend on velocity, and count the evaluation."""
-        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
+        self.count(state, first // total_force.particle_count, self.EVALUATIONS, 1)
         if ti.static(total_force.has_velocity_independent):
             total_force.accumulate(state, first, ti.cast(time, float), shape)
 

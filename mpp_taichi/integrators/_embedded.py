@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.step_power import step_power
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -18,6 +19,7 @@ SAFETY = 0.9
 PROPORTIONAL, INTEGRAL = 0.2, 0.85  # exponents of the last and the present error, times 1/k for an error of order h^k
 SHORTEST, LONGEST = 0.2, 5.0  # length of a step, relative to the step before
 FIRST_SHARE = 0.1  # of `time_of_change`: the first step at a tolerance of 1
+REFUSED_BEFORE = -1.0  # in the field `judged`, where the next try is not the first of its step
 LEAST_ERROR = 1e-4  # smaller estimates, relative to the tolerance, are not trusted
 
 
@@ -64,7 +66,7 @@ class Embedded(Adaptive):
         """The true state at the start of the step, all slopes, and for each replica the clock and the field `judged`.
 
         `judged` holds the error of the last step relative to the tolerance, and whether the step has the slopes of its dense
-        output. Weights are looked up in a field: written into the kernel they would take half a minute to compile.
+        output, or is refused. Weights are looked up in a field: in the kernel itself they would take half a minute to compile.
         """
         n, count = start.particle_count, self._count
         return {
@@ -85,6 +87,13 @@ class Embedded(Adaptive):
         nodes, kind = wide_rows(self.pair).sum(axis=1), ti.lang.util.to_numpy_type(state.weight.dtype)
         arrays = [np.tile(each.ravel(), state.replica_count).astype(kind) for each in (rows, nodes)]
         bulk_copy.write((state.weight, state.node), arrays)
+
+    def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
+        """All slopes, each from a sum over the slopes before it, and the errors of all particles and pairs, for each try."""
+        sums = particles * (1 + self._count)
+        slope = 1 + sums + per_evaluation + particles
+        errors = particles * (1 + len(self.pair.error_weights) * (1 + self._count)) + particles**2
+        return self.TRIES * (1 + self._count * slope + errors) + 2 * sums + 2 * self._count * len(self._table())
 
     @property
     def _count(self) -> int:
@@ -191,32 +200,35 @@ class Embedded(Adaptive):
         """Try steps from the start state until the error of one is small enough; write its length and the next length."""
         r = first // total_force.particle_count
         h = state.clock[self.CLOCK * r + 2]
-        grows = ti.cast(LONGEST, state.wide)
-        trying = 1
-        while trying == 1:
+        grows = ti.cast(1.0 if state.judged[2 * r + 1] == REFUSED_BEFORE else LONGEST, state.wide)
+        left = self.TRIES
+        while left > 0:
+            left -= 1
             self._take_slopes(state, total_force, first, 1, ti.static(self._evaluated), ti.cast(h, float), shape)
             error = self._error(state, total_force, first, ti.cast(h, float))
             if state.clock[self.CLOCK * r] + 1e-3 * h == state.clock[self.CLOCK * r]:
                 state.tally[self.TALLY * r + self.STALLED] = 1
                 state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is shown
-                trying = 0
+                left = 0
             elif error <= 1.0:
                 seen = ti.max(error, ti.cast(LEAST_ERROR, state.wide))
-                change = SAFETY * seen ** (-INTEGRAL / self.error_order)
-                change *= state.judged[2 * r] ** (PROPORTIONAL / self.error_order)
+                change = SAFETY * step_power(seen, -INTEGRAL / self.error_order)
+                change *= step_power(state.judged[2 * r], PROPORTIONAL / self.error_order)
                 state.judged[2 * r], state.judged[2 * r + 1] = seen, 0.0
-                state.tally[self.TALLY * r + self.STEPS] += 1
+                self.count(state, r, self.STEPS, 1)
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = h * ti.min(grows, ti.max(ti.cast(SHORTEST, state.wide), change))
-                trying = 0
+                left = 0
             else:
                 # An error that is NaN fails both comparisons, and the step shrinks the most.
-                state.tally[self.TALLY * r + self.REFUSED] += 1
+                self.count(state, r, self.REFUSED, 1)
                 change = ti.cast(SHORTEST, state.wide)
                 if error < 1e30:
-                    change = ti.max(change, SAFETY * error ** (-1.0 / self.error_order))
+                    change = ti.max(change, SAFETY * step_power(error, -1.0 / self.error_order))
                 h *= change
                 grows = 1.0
+                state.judged[2 * r + 1] = REFUSED_BEFORE
+                state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2] = 0.0, h
 
     @ti.func
     def _take_slopes(self, state: Template, total_force: Template, first, start, stop, h, shape: Template):
@@ -330,4 +342,4 @@ class Embedded(Adaptive):
             slope = state.slope[first * self._count + last * total_force.particle_count + i - first]
             state.start_acceleration[i] = slope
             self._keep(state, total_force, first, i, 0, slope)
-        state.clock[self.CLOCK * r] += state.clock[self.CLOCK * r + 1]
+        state.clock[self.CLOCK * r] = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]

@@ -56,6 +56,11 @@ class GravitySeries:
         self.pairs += [(0, 1)] * (self.lanes - len(self.pairs))
         self.softening_squared = float(total_force.pair_forces[0].softening) ** 2 if pairs else 0.0
 
+    def iterations(self) -> int:
+        """Loop iterations of `extend` and `last_terms`, an upper bound."""
+        of_an_order = 2 + self.blocks * (1 + self.rows) + self.count * (1 + self.shares)
+        return self.rows * of_an_order + 2 * self.blocks
+
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """The coefficients, and for each pair the indices and joint strength of its particles, its force and its series."""
         return {

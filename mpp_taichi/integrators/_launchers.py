@@ -12,7 +12,9 @@ class Launchers:
     quickly    the kernels are long, and are compiled without Taichi's own optimisation (see quick_compilation.py)
     vectors    the step reads and writes vectors by components, so that it can be compiled together with the sum over pairs in
                explicit vectors (see explicit_vectors.py)
-    cpu_only   other backends lack something that the step needs: loops without a bound, or integers of 64 bits
+    cpu_only   other backends lack something that the step needs, as integers of 64 bits
+    copies_elsewhere   other backends run several copies, a thread for each copy, where they compute in f64; one copy by itself
+                       would be one thread of a GPU
     """
 
     serial: str = "serial"
@@ -21,3 +23,4 @@ class Launchers:
     quickly: bool = False
     vectors: bool = False
     cpu_only: bool = False
+    copies_elsewhere: bool = False

@@ -60,6 +60,10 @@ class RadauPolynomial:
                 ti.static(self.term(state, "b", k))[i] = zero
                 ti.static(self.term(state, "e", k))[i] = zero
 
+    def iterations(self, particles: int, per_evaluation: int) -> int:
+        """Loop iterations of `solve`, and of the judgement of a step, an upper bound."""
+        return 1 + ITERATIONS * (1 + TERMS * (1 + per_evaluation + 2 * particles)) + 3 * particles
+
     @ti.func
     def solve(self, state: Template, total_force: Template, law: Template, first, begin, h, shape: Template):
         """Iterate until the change of the last coefficient, relative to the largest acceleration, is zero or stops falling.
@@ -110,10 +114,10 @@ class RadauPolynomial:
 
     @ti.func
     def _raise(self, state: Template, place, value):
-        """Raise a maximum of the field `measure`; NaN becomes infinity. A maximum does not depend on the order of threads."""
+        """Raise a maximum of the field `measure`; NaN becomes infinity."""
         wide = ti.cast(value, state.wide)
         if wide > state.measure[place] or ti.math.isnan(wide):
-            ti.atomic_max(state.measure[place], ti.select(ti.math.isnan(wide), ti.cast(ti.math.inf, state.wide), wide))
+            state.measure[place] = ti.select(ti.math.isnan(wide), ti.cast(ti.math.inf, state.wide), wide)
 
     @ti.func
     def _correct(self, state: Template, i, a, n):
@@ -128,7 +132,8 @@ class RadauPolynomial:
                 change = quotient - ti.static(self.term(state, "g", m))[i]
                 ti.static(self.term(state, "g", m))[i] = quotient
                 for k in ti.static(range(m + 1)):
-                    ti.static(self.term(state, "b", k))[i] += POWERS[m][k] * change
+                    b = ti.static(self.term(state, "b", k))[i]
+                    ti.static(self.term(state, "b", k))[i] = b + POWERS[m][k] * change
                 if ti.static(m == TERMS - 1):
                     result = change.norm()
         return result

@@ -49,6 +49,10 @@ class AdaptiveLeapfrog(Adaptive):
             **vectors,
         }
 
+    def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
+        """The force, both halves of the step, the control of its length, and the state that is shown."""
+        return per_evaluation + 4 * particles + 1
+
     def first_lengths(self, state: Any) -> np.ndarray:
         """η/ρ, of each replica [time]."""
         return self.step / np.abs(state.density.to_numpy()[::2])
@@ -78,11 +82,13 @@ class AdaptiveLeapfrog(Adaptive):
         state.density[2 * r] = density - 0.5 * state.control[self.CONTROL * r] * self._growth(state, total_force, first)
 
     @ti.func
-    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until a step ends at `end` or later."""
+    def advance_to(self, state: Template, total_force: Template, first, end: Template, most, shape: Template):
+        """Take steps until a step ends at `end` or later, but no more than `most` steps."""
         r = first // total_force.particle_count
         eta = state.control[self.CONTROL * r]
-        while self.is_short_of(state, r, end):
+        left = most
+        while left > 0 and self.is_short_of(state, r, end):
+            left -= 1
             begin = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
             density = state.density[2 * r] + eta * self._growth(state, total_force, first)
             h = eta / density
@@ -91,7 +97,7 @@ class AdaptiveLeapfrog(Adaptive):
             else:
                 state.density[2 * r] = density
                 state.clock[self.CLOCK * r], state.clock[self.CLOCK * r + 1] = begin, h
-                state.tally[self.TALLY * r + self.STEPS] += 1
+                self.count(state, r, self.STEPS, 1)
                 self._take_step(state, total_force, first, begin, ti.cast(h, float), shape)
 
     @ti.func

@@ -77,6 +77,11 @@ class Ias15(Adaptive):
         epsilon = max(self.epsilon, 200.0 * rounding())
         return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * rounding())
 
+    def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
+        """The forces at all nodes in all iterations of each try; a deviation is found by as many iterations as a try."""
+        tries = self.TRIES + (1 if self.follows_deviation else 0)
+        return tries * self.path.iterations(particles, per_evaluation) + per_evaluation + 8 * particles
+
     # Steps up to the time of a sample
 
     @ti.func
@@ -135,8 +140,9 @@ class Ias15(Adaptive):
         self.evaluate(state, total_force, first, begin, shape)
         for i in range(first, first + total_force.particle_count):
             state.start_acceleration[i] = self.found(state, total_force, first, i, begin)
-        trying = 1
-        while trying == 1:
+        left = self.TRIES
+        while left > 0:
+            left -= 1
             error = self.path.solve(state, total_force, self, first, begin, ti.cast(h, float), shape)
             share = self._longest_share(state, total_force, first)
             if not error <= state.control[self.CONTROL * r + 1]:  # NaN fails, too
@@ -145,14 +151,15 @@ class Ias15(Adaptive):
             if begin + 1e-3 * following == begin:
                 state.tally[self.TALLY * r + self.STALLED] = 1
                 state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is shown
-                trying = 0
+                left = 0
             elif share < 1.0 / LARGEST_CHANGE:
-                state.tally[self.TALLY * r + self.REFUSED] += 1
+                self.count(state, r, self.REFUSED, 1)
                 self.path.rescale(state, total_force, first, ti.cast(following / h, float))
                 h = following
+                state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2] = 0.0, h
             else:
-                trying = 0
-                state.tally[self.TALLY * r + self.STEPS] += 1
+                left = 0
+                self.count(state, r, self.STEPS, 1)
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = following
                 if ti.static(self.follows_deviation):
@@ -184,7 +191,8 @@ class Ias15(Adaptive):
             below = first_slope.norm() * third.norm() + second.norm_sqr()
             if below > 0.0 or ti.math.isnan(below):
                 slowness = ti.cast(above / below, state.wide)
-                ti.atomic_max(state.measure[2 * r], ti.select(ti.math.isnan(slowness), ti.cast(0.0, state.wide), -slowness))
+                raised = ti.select(ti.math.isnan(slowness), ti.cast(0.0, state.wide), -slowness)
+                state.measure[2 * r] = ti.max(state.measure[2 * r], raised)
         result = ti.cast(LARGEST_CHANGE, state.wide)
         if ti.math.isinf(state.measure[2 * r]) == 0:
             result = ti.sqrt(-state.measure[2 * r]) * state.control[self.CONTROL * r]
@@ -199,7 +207,7 @@ class Ias15(Adaptive):
         if ti.static(self.follows_deviation):
             self.deviation.enter_next(total_force, first, state.clock[self.CLOCK * r + 1], share)
         self.path.enter_next(state, total_force, first, h, share)
-        state.clock[self.CLOCK * r] += state.clock[self.CLOCK * r + 1]
+        state.clock[self.CLOCK * r] = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
 
 
 def _deviation_class() -> Any:

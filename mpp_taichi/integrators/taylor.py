@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
+from mpp_taichi.arithmetic.step_power import step_power
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -15,6 +16,7 @@ from mpp_taichi.types import Template
 
 MARGIN = 0.0075  # of the tolerance: bound of the error of a step, so that the tolerance is the error of an orbit, as measured
 FINEST = 0.01  # of the rounding: bound of the last terms of a step at round-off
+UNITS = 2100  # doublings between the smallest and the largest number
 LONGEST = 4.0  # step, relative to the step before: on a straight path no other bound exists
 FIRST_SHARE = 0.125  # of the time in which a pair moves or falls by its distance: the first unit of time at round-off
 
@@ -75,6 +77,10 @@ class Taylor(Adaptive):
         """The bound of the error of a step, 0 where ε is round-off; and the bound of the last terms at round-off."""
         return (MARGIN * self.tolerance if self.tolerance > rounding() else 0.0), FINEST * rounding()
 
+    def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
+        """The recurrences of all orders, and the sums of the series that end a step and show the state."""
+        return self.series.iterations() + 2 * (particles * (self.order + 2) + UNITS)
+
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """Take positions and velocities as the coefficients 0 and 1, in a first unit of time."""
@@ -130,10 +136,10 @@ class Taylor(Adaptive):
         share = ti.cast(LONGEST, state.wide)
         for n in ti.static(range(2)):
             square = ti.cast(squared[n], state.wide)
-            share = ti.min(share, ti.pow(finest * finest / square, 0.5 / (self.order - 1 + n)))
+            share = ti.min(share, step_power(finest * finest / square, 0.5 / (self.order - 1 + n)))
         if error > 0.0 and squared[2] > 0.0:
             square = ti.cast(squared[2], state.wide)
-            share = ti.min(ti.max(share, ti.pow(error * error / square, 0.5 / self.order)), LONGEST)
+            share = ti.min(ti.max(share, step_power(error * error / square, 0.5 / self.order)), LONGEST)
         h = share * unit
         tally = self.TALLY * r
         state.tally[tally + self.EVALUATIONS] = state.tally[tally + self.EVALUATIONS] + (self.order - 1)

@@ -115,6 +115,7 @@ class CompiledPhase:
             self.integrator,
             plan=self.plan,
             on_cpu=device.on_cpu,
+            loop_limit=device.probes.loop_limit,
             contacts=self.contacts,
             tangent_meter=self.tangent,
         )

@@ -10,6 +10,9 @@ from mpp_taichi.step.launcher import Launcher
 MOST_STEPS = 2**31 - 1
 """Steps of the method that its counter counts; a launch that needs more would take hours, and cannot be interrupted."""
 
+ELSEWHERE = 256
+"""Steps of the method in one launch on other devices than the CPU, some of which end a launch of seconds."""
+
 TRIAL_STEPS = 1000
 """Steps of the known length that are tried where a launch seems to need too many."""
 
@@ -30,6 +33,18 @@ class AdaptiveSteps(Launcher):
 
             dual_force = self.total_force.with_pairs_in_turn()
             self.integrator.follow_deviation(self.parts.tangent_meter, TangentState(self.state), dual_force)
+
+    def loop_iterations_per_step(self) -> int:
+        """Loop iterations of one thread in one step of the method's own, an upper bound."""
+        return int(self.integrator.iterations_of_step(self.state.particle_count, self.loop_iterations_per_evaluation()))
+
+    @property
+    def steps_per_launch(self) -> int:
+        """Most steps of the method that a launch may hold."""
+        if self.parts.on_cpu:
+            return MOST_STEPS
+        limit = self.parts.loop_limit
+        return ELSEWHERE if limit is None else max(1, min(ELSEWHERE, limit // self.loop_iterations_per_step()))
 
     def begin(self, time: float, dt: float) -> None:
         """Take the state as the start of the first step, with the accuracy that the method's parameter asks for now."""
@@ -60,12 +75,19 @@ class AdaptiveSteps(Launcher):
             # The first step may be short by chance: it is known after some steps whether all are. To stop changes no bit.
             while span > MOST_STEPS * self._length:
                 known = self._length
-                self._advance(time + first * dt + TRIAL_STEPS * known)
+                self._advance_to(time + first * dt + TRIAL_STEPS * known)
                 self._length = max(known, self._shortest(self.integrator.lengths(self.state)))
                 if self._length < LENGTHENED * known:
                     self.check_span(span)
                     break
-            self._advance(time + last * dt)
+            self._advance_to(time + last * dt)
+
+    def _advance_to(self, end: float) -> None:
+        """Steps until one ends at `end` or later, in as many launches as the device needs."""
+        most = self.steps_per_launch
+        self._advance(end, most)
+        while most < MOST_STEPS and self.integrator.are_short_of(self.state, end):
+            self._advance(end, most)
 
     @staticmethod
     def _shortest(lengths: np.ndarray) -> float:
@@ -87,17 +109,19 @@ class AdaptiveSteps(Launcher):
                     self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
 
     @ti.kernel
-    def _advance(self, end: ti.f64):
+    def _advance(self, end: ti.f64, most: ti.i32):
         if ti.static(self.state.replica_count == 1):
             ti.loop_config(serialize=True)
             for _ in range(1):
-                self.integrator.advance_to(self.state, self.total_force, 0, end, "serial")
-                self.integrator.show(self.state, self.total_force, 0, end)
+                self.integrator.advance_to(self.state, self.total_force, 0, end, most, "serial")
+                if not self.integrator.is_short_of(self.state, 0, end):
+                    self.integrator.show(self.state, self.total_force, 0, end)
         else:
             for q in range(self.state.replica_count * self.grain):
                 if is_heavy(q, self.grain):
                     replica = q // self.grain
                     self.total_force.at_replica(replica)
                     first = replica * self.state.particle_count
-                    self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
-                    self.integrator.show(self.state, self.total_force, first, end)
+                    self.integrator.advance_to(self.state, self.total_force, first, end, most, "serial")
+                    if not self.integrator.is_short_of(self.state, replica, end):
+                        self.integrator.show(self.state, self.total_force, first, end)

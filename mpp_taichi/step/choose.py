@@ -42,6 +42,16 @@ def settle_plan(
     """
     if integrator.launchers.cpu_only and not device.on_cpu:
         raise UnsupportedError(f"{name} runs on the CPU only, not on {device.backend}; use --backend cpu")
+    if integrator.launchers.copies_elsewhere and not device.on_cpu:
+        if replica_count == 1:
+            raise UnsupportedError(
+                f"one copy with {name} runs on the CPU only, not on {device.backend}, which runs the copies of a sweep, "
+                "a thread for each; use --backend cpu"
+            )
+        if not device.probes.float64:
+            raise UnsupportedError(
+                f"{name} computes its steps in f64, which this device ({device.name}) lacks; use --backend cpu"
+            )
     plan = asked if asked != "auto" else plans.choose(work, on_cpu=device.on_cpu, replica_count=replica_count)
     if plan == "parallel" and not integrator.launchers.parallel:
         if asked == "parallel":
@@ -67,6 +77,7 @@ def launcher_for(
     *,
     plan: str,
     on_cpu: bool,
+    loop_limit: int | None = None,
     contacts: ContactSolver | None = None,
     tangent_meter: TangentMeter | None = None,
 ) -> Launcher:
@@ -98,6 +109,8 @@ def launcher_for(
         loops=stage_loops if contacts is None else SerialLoops() if few else nullcontext(),
         grain=grain,
         shape="launched" if launched else plan,
+        on_cpu=on_cpu,
+        loop_limit=loop_limit,
         tangent_meter=tangent_meter,
     )
     name = _file_of(parts, plan)

@@ -46,7 +46,9 @@ class StepParts:
     loops      how short loops over particles are run: on the calling thread where there are few particles
     finite     the search for a particle that is not finite
     grain      iterations of a parallel loop for each heavy iteration
+    on_cpu     whether the device is a CPU
     shape      of the sum of forces inside a kernel: "serial", "parallel", or "launched" where it is no part of the kernel
+    loop_limit   iterations that one thread of the device may make in a launch; None: any number
     tangent_meter   meter of the growth of a deviation; None where no quantity asks for it
     """
 
@@ -61,6 +63,8 @@ class StepParts:
     loops: AbstractContextManager
     grain: int
     shape: str
+    on_cpu: bool
+    loop_limit: int | None = None
     tangent_meter: TangentMeter | None = None
 
 
@@ -156,12 +160,16 @@ class Launcher(ABC):
 
     def loop_iterations_per_step(self) -> int:
         """Loop iterations of one thread in one step of a serial or replica kernel, an upper bound."""
+        return 1 + max(1, self.integrator.evaluations) * self.loop_iterations_per_evaluation()
+
+    def loop_iterations_per_evaluation(self) -> int:
+        """Loop iterations of one thread in a sum of the forces of one copy, an upper bound."""
         n, state = self.state.particle_count, self.state
         springs = state.spring_neighbor.shape[0] if "spring_neighbor" in state.quantities else 0
         per_evaluation = (n * n if self.total_force.has_pairs else 0) + springs + 8 * n
         if self.total_force.has_rods:
             per_evaluation += self.total_force.rods.loop_iterations()
-        return 1 + max(1, self.integrator.evaluations) * per_evaluation
+        return per_evaluation
 
     def facts(self) -> dict[str, Any]:
         """The entries of reports about this kind of step, and about its work since it was prepared."""

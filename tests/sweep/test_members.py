@@ -319,6 +319,15 @@ def test_on_software_vulkan(software_vulkan):
         assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=math.sqrt(3 * 500) * 6e-8 * 100)
 
 
+@pytest.mark.sampled(3)
+def test_an_adaptive_method_on_software_vulkan(software_vulkan):
+    """The errors of a step differ by 1e-5 of themselves (test_copies_elsewhere.py), and are 1e-9 of the orbit."""
+    own = KEPLER | {"integrator": {"adaptive_dop853": {"dt": KEPLER["integrator"]["leapfrog"]["dt"]}}}
+    store = sweep(own, precision="f64", backend="vulkan", measure=MEASURES)
+    for row, right in zip(rows_of(store), rows_of(sweep(own, measure=MEASURES))):
+        assert row.status == "ok" and row.values[0] == pytest.approx(right.values[0], abs=1e-9)
+
+
 CHAIN = {
     "constants": {"stiffness": 40, "damping": 0.1, "stretch": 1.1, "mass": 1},
     "dimensions": 2,
