@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.archive import object_state
 from mpp_taichi.cli._differences import differences
-from mpp_taichi.cli._excerpt import Excerpt
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._options import archive_path
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.errors import StateError
-from mpp_taichi.simulation.moment import go_to
 from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
 from mpp_taichi.simulation.run_output import RunOutput
 from mpp_taichi.views.renderers import needs_ggui
@@ -59,9 +57,9 @@ class KeptRun:
         self.may_end = request.archive_at is None
         header = header_of(simulation, options)
         rewind = request.rewind
-        if rewind is not None and not isinstance(rewind, Excerpt):
+        if rewind is not None and request.is_new:
             options["rewound"] = {"from": str(rewind.file), "step": simulation.step_count, "dt": simulation.dt}
-            header |= {"options": options, **rewind.header}
+            header |= {"options": options, **rewind.header}  # type: ignore[union-attr]  # a new run has no Excerpt
         self.archive = RunArchive(self.path, header, objects, outputs=outputs)
         self._objects, self._outputs, self._request = dict(objects), dict(outputs), request
 
@@ -78,6 +76,8 @@ class KeptRun:
                 output.begin_anew()
             return None
         self._require_same(found)
+        from mpp_taichi.simulation.moment import go_to
+
         state = found.state()
         go_to(simulation, state["moment"])
         try:

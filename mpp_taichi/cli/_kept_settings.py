@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mpp_taichi.atomic_file import whole_text
+from mpp_taichi.cli._options import FRESH, WINDOW_VARIABLE
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import OutputError, SceneError
 from mpp_taichi.scene.document import read_text
@@ -15,9 +16,6 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.yaml_limits import decode
 from mpp_taichi.views.window_settings import WindowSettings
 
-VARIABLE = "MPP_TAICHI_WINDOW"
-FRESH = "fresh"
-"""Value of the variable with which the file is neither read nor written."""
 NAME = Path("mpp_taichi", "window.yaml")
 MOST_BYTES = 1 << 16
 HEAD = "# What was changed in the window of mpp_taichi; a file that is removed is made anew.\n"
@@ -29,7 +27,7 @@ def kept_settings(*, fresh: bool) -> Iterator[WindowSettings]:
 
     A file that cannot be read or written is told in one line, and is no error. `fresh` leaves the file alone.
     """
-    path = None if fresh or os.environ.get(VARIABLE) == FRESH else settings_file()
+    path = None if fresh or os.environ.get(WINDOW_VARIABLE) == FRESH else settings_file()
     settings = WindowSettings() if path is None else _read(path)
     before = replace(settings)
     try:

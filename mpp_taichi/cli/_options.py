@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
+WINDOW_VARIABLE = "MPP_TAICHI_WINDOW"
+FRESH = "fresh"
+"""Value of the variable with which the settings of the window are neither read nor written."""
 
 
 def add_scene(parser: argparse.ArgumentParser, *, or_list: bool = False) -> None:
@@ -70,6 +73,12 @@ def _member_of(arguments: argparse.Namespace) -> "SceneSpec":
     if getattr(arguments, "member", None) is None:
         raise UsageError(f"{arguments.scene} is a sweep; --member N says which of its members")
     return load_scene(opened(Path(arguments.scene)).member(arguments.member), overrides=arguments.overrides)
+
+
+def add_journal(parser: argparse.ArgumentParser, where: str) -> None:
+    """--fresh, --no-archive, of a study whose journal is at `where`."""
+    parser.add_argument("--fresh", action="store_true", help=f"begin anew, where {where} holds a study that was cut off")
+    parser.add_argument("--no-archive", action="store_true", help=f"keep no {where} from which the same command goes on")
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:

@@ -2,19 +2,16 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._request import Request
 from mpp_taichi.recorders._lock import OutputLock
-from mpp_taichi.recorders.film import FilmRecorder
-from mpp_taichi.recorders.frames import FrameRecorder
-from mpp_taichi.recorders.html import HtmlRecorder
-from mpp_taichi.recorders.kept_pictures import KeptPictures
-from mpp_taichi.recorders.still import StillRecorder
-from mpp_taichi.recorders.trajectory import TrajectoryRecorder
-from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.run_output import RunOutput
+
+if TYPE_CHECKING:
+    from mpp_taichi.recorders.film import FilmRecorder
+    from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 
 
 def lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -40,23 +37,38 @@ def open_sinks(spec: SceneSpec, request: Request, stack: ExitStack, *, waits: bo
     sinks: list[Any] = []
     size, fps = request.size or spec.record.size, request.fps or spec.record.fps
     if request.video is not None:
+        from mpp_taichi.recorders.video import VideoRecorder
+
         sinks.append(stack.enter_context(VideoRecorder(request.video, size, fps)))
     if request.frames is not None:
+        from mpp_taichi.recorders.frames import FrameRecorder
+
         sinks.append(stack.enter_context(FrameRecorder(request.frames, waits=waits)))
     if request.still is not None:
+        from mpp_taichi.recorders.still import StillRecorder
+
         sinks.append(stack.enter_context(StillRecorder(request.still)))
     if request.html is not None:
+        from mpp_taichi.recorders.html import HtmlRecorder
+
         sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
     return sinks
 
 
 def kept_outputs(
-    films: Sequence[FilmRecorder], sinks: Sequence[Any], trajectory: TrajectoryRecorder | None
+    films: Sequence["FilmRecorder"], sinks: Sequence[Any], trajectory: "TrajectoryRecorder | None"
 ) -> dict[str, RunOutput]:
     """The films and the trajectory of a run, as its archive sees them; the pictures of a video are kept from now on."""
     found: dict[str, RunOutput] = {}
     for sink in sinks:
-        found[type(sink).__name__] = KeptPictures(sink) if isinstance(sink, VideoRecorder) else sink
+        found[type(sink).__name__] = _kept(sink)
     for film in films:
         film.sinks = tuple(found.get(type(sink).__name__, sink) for sink in film.sinks)  # type: ignore[misc]
     return found if trajectory is None else {**found, "trajectory": trajectory}
+
+
+def _kept(sink: Any) -> Any:
+    from mpp_taichi.recorders.kept_pictures import KeptPictures
+    from mpp_taichi.recorders.video import VideoRecorder
+
+    return KeptPictures(sink) if isinstance(sink, VideoRecorder) else sink

@@ -1,33 +1,34 @@
 """Request: the options of a run beside the scene itself, checked before anything is computed."""
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpp_taichi.cli._excerpt import Excerpt
 from mpp_taichi.cli._options import require_suffix
 from mpp_taichi.cli._terminal import UsageError
-from mpp_taichi.recorders._mode_plot import require_matplotlib
-from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
-from mpp_taichi.recorders.html import FORMATS as PAGE_FORMATS
-from mpp_taichi.recorders.inspection import FORMATS as INSPECTION_FORMATS
-from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
-from mpp_taichi.recorders.modes import PLOT_FORMATS
-from mpp_taichi.recorders.speed_histogram import FORMATS as SPEED_FORMATS
-from mpp_taichi.recorders.still import FORMATS as STILL_FORMATS
-from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
-from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
-from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
-from mpp_taichi.recorders.video import check_encoder
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.views.ggui_probe import require_ggui
 from mpp_taichi.views.renderers import RENDERERS, needs_ggui
 from mpp_taichi.views.window_settings import WindowSettings
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
+    from mpp_taichi.cli._excerpt import Excerpt
     from mpp_taichi.cli._rewind import Rewind
+
+RECORDERS = {
+    "video": "video",
+    "still": "still",
+    "html": "html",
+    "trajectory": "trajectory",
+    "diagnostics": "table",
+    "inspect": "inspection",
+    "modes": "modes",
+    "speeds": "speed_histogram",
+    "events": "event_log",
+}
+"""The recorder of each option that names a file; it is imported where the file is asked for."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class Request:
     @property
     def is_new(self) -> bool:
         """Whether the run is no part of an earlier run that is shown again."""
+        from mpp_taichi.cli._excerpt import Excerpt
+
         return not isinstance(self.rewind, Excerpt)
 
     def frame_count(self, spec: SceneSpec) -> int:
@@ -114,23 +117,24 @@ class Request:
             OutputError: a film is wanted and no encoder can write it.
             BackendError: a plot is wanted and there is no matplotlib, or pictures of GGUI, which does not work here.
         """
-        require_suffix(self.video, VIDEO_FORMATS, "--video")
-        require_suffix(self.still, STILL_FORMATS, "--still")
-        require_suffix(self.html, PAGE_FORMATS, "--html")
-        require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
+        for option, recorder in RECORDERS.items():
+            asked = getattr(self, option)
+            for path in asked if option == "inspect" else () if asked is None else (asked,):
+                formats = importlib.import_module(f"mpp_taichi.recorders.{recorder}").FORMATS
+                require_suffix(path, formats, f"--{option}")
         require_suffix(self.snapshot, (".npz",), "--snapshot")
-        require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
-        for path in self.inspect:
-            require_suffix(path, INSPECTION_FORMATS, "--inspect")
-        require_suffix(self.modes, MODE_FORMATS, "--modes")
-        require_suffix(self.speeds, SPEED_FORMATS, "--speeds")
-        require_suffix(self.events, EVENT_FORMATS, "--events")
         require_suffix(self.log, (".yaml", ".yml"), "--log")
         self._check_renderer()
         if self.video is not None:
+            from mpp_taichi.recorders.video import check_encoder
+
             check_encoder(self.video.suffix)
-        if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
-            require_matplotlib()
+        if self.modes is not None or self.speeds is not None:
+            from mpp_taichi.recorders._mode_plot import require_matplotlib
+            from mpp_taichi.recorders.modes import PLOT_FORMATS
+
+            if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
+                require_matplotlib()
 
     def _check_renderer(self) -> None:
         if not needs_ggui(self.renderer):
@@ -139,4 +143,6 @@ class Request:
             raise UsageError(f"--renderer {self.renderer}: two halves are drawn by --renderer {RENDERERS[0]} only")
         if all(path is None for path in (self.video, self.frames, self.still)):
             raise UsageError(f"--renderer {self.renderer} is of pictures, and a page is drawn by the browser: leave it out")
+        from mpp_taichi.views.ggui_probe import require_ggui
+
         require_ggui()

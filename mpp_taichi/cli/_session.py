@@ -1,4 +1,7 @@
-"""Session: one scene run from the command line, with its recorders, its limits and its files."""
+"""Session: one scene run from the command line, with its recorders, its limits and its files.
+
+Recorders are imported where a run has them: a run without files and panels starts a tenth of a second earlier.
+"""
 
 import sys
 from collections.abc import Sequence
@@ -11,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.beside.settings import BesideError
 from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._archive import KeptRun, is_kept
-from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._last_files import farewell, state_file, write_all
 from mpp_taichi.cli._outcome import Outcome
@@ -24,20 +26,12 @@ from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.cli._turning import tell_turn
 from mpp_taichi.cli._validity import Validity
-from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import BackendError, MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.passport.carried import carrying
 from mpp_taichi.recorders.blow_up import BlowUpWatch
-from mpp_taichi.recorders.event_log import EventLogRecorder
-from mpp_taichi.recorders.film import FilmRecorder
-from mpp_taichi.recorders.html import HtmlRecorder
-from mpp_taichi.recorders.inspection import InspectionRecorder
-from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
-from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 from mpp_taichi.recorders.table import TableRecorder, asked_columns
-from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.report.expectations import Watcher
 from mpp_taichi.report.summary import Stopwatch, Timed, summarize
@@ -46,7 +40,11 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._beside import RightHalf
     from mpp_taichi.cli._interactive import Stage
+    from mpp_taichi.recorders.film import FilmRecorder
+    from mpp_taichi.recorders.inspection import InspectionRecorder
+    from mpp_taichi.recorders.trajectory import TrajectoryRecorder
     from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.views._base import View
 
@@ -72,9 +70,13 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         sinks = open_sinks(spec, request, stack, waits=is_kept(request, goal))
         trajectory = None
         if request.trajectory is not None:
+            from mpp_taichi.recorders.trajectory import TrajectoryRecorder
+
             trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory, waits=is_kept(request, goal)))
         right = None
         if request.beside is not None:
+            from mpp_taichi.cli._beside import RightHalf
+
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
         simulation = stack.enter_context(start(spec, request) if stage is None else stage.started.simulation)
         if right is not None:
@@ -109,7 +111,7 @@ class _Run:
         stopwatch: Stopwatch,
         total_steps: int | None,
         rewound: str,
-        right: RightHalf | None = None,
+        right: "RightHalf | None" = None,
         validity: Validity | None = None,
     ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
@@ -127,15 +129,8 @@ class _Run:
         self.network = network_facts(
             spec, simulation.start, simulation.integrator.amplification, simulation.dt, most_freedoms=QUICK_FREEDOMS
         )
-        follows = spec.modes is not None or request.modes is not None
-        self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
+        self.modes, self.speeds, self.events = self._asked_recorders()
         self.inspection = self._inspection()
-        self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
-        self.events = (
-            EventLogRecorder([wall.label for wall in simulation.phase.surfaces], self.every)
-            if request.events is not None
-            else None
-        )
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
         self.glass: Any = None
@@ -150,7 +145,25 @@ class _Run:
         self.went_on: dict[str, Any] | None = None
         self.first_step = 0  # of this process
 
-    def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> Outcome:
+    def _asked_recorders(self) -> tuple[Any, Any, Any]:
+        """The recorders of modes, of speeds and of events; None for each that is not asked for."""
+        spec, request, simulation = self.spec, self.request, self.simulation
+        modes = speeds = events = None
+        if spec.modes is not None or request.modes is not None:
+            from mpp_taichi.recorders.modes import ModeRecorder
+
+            modes = ModeRecorder(simulation, spec.modes, self.every)
+        if request.speeds is not None:
+            from mpp_taichi.recorders.speed_histogram import SpeedHistogram
+
+            speeds = SpeedHistogram(simulation)
+        if request.events is not None:
+            from mpp_taichi.recorders.event_log import EventLogRecorder
+
+            events = EventLogRecorder([wall.label for wall in simulation.phase.surfaces], self.every)
+        return modes, speeds, events
+
+    def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: "TrajectoryRecorder | None") -> Outcome:
         """Run to the end, or to the time of an error or a signal; then write all files."""
         if sinks:
             self.films = [self._film(sinks, interruption)]
@@ -196,7 +209,7 @@ class _Run:
             self._end_archive(self.kept)
         return self._outcome()
 
-    def _keep(self, looks: Sequence[Any], sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
+    def _keep(self, looks: Sequence[Any], sinks: Sequence[Any], trajectory: "TrajectoryRecorder | None") -> None:
         """Keep an archive, and go on with the run that an earlier process has left there."""
         if not is_kept(self.request, self.goal):
             return
@@ -239,13 +252,14 @@ class _Run:
                     recorders = [*recorders, self.kept.archive]
                 self.simulation.run(until=self.goal.until, steps=steps, recorders=recorders)
 
-    def _inspection(self) -> InspectionRecorder | None:
+    def _inspection(self) -> "InspectionRecorder | None":
         """The recorder that samples the scene's panels; None where they are neither shown nor written."""
         spec, request, simulation = self.spec, self.request, self.simulation
         drawn = any(path is not None for path in (request.video, request.frames, request.still))
         shown = request.window or (drawn and spec.record.panels != "none")
         if not spec.inspect or self.right is not None or not (request.inspect or shown):
             return None
+        from mpp_taichi.recorders.inspection import InspectionRecorder
         from mpp_taichi.recorders.inspector import Inspector
 
         end = None if self.goal.endless else simulation.time + self.goal.span(spec)
@@ -266,7 +280,10 @@ class _Run:
         view = open_offscreen(plain, division.scene, **drawn)
         return ViewWithPanels(view, self.inspection.inspector.plots, division, caption=spec.view.caption)
 
-    def _film(self, sinks: Sequence[Any], interruption: Interruption) -> FilmRecorder:
+    def _film(self, sinks: Sequence[Any], interruption: Interruption) -> "FilmRecorder":
+        from mpp_taichi.recorders.film import FilmRecorder
+        from mpp_taichi.recorders.html import HtmlRecorder
+
         request, record = self.request, self.spec.record
         size, count, span = request.size or record.size, request.frame_count(self.spec), self.goal.span(self.spec)
         pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
@@ -309,7 +326,7 @@ class _Run:
             else:
                 recorder.finish(self.simulation)
 
-    def _close(self, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
+    def _close(self, sinks: Sequence[Any], trajectory: "TrajectoryRecorder | None") -> None:
         """Give every file its final name, also after an error; the first failure is reported, the other files still written."""
         request, simulation, state = self.request, self.simulation, self._state_file()
         jobs: list[tuple[Path, Any]] = []
@@ -335,6 +352,8 @@ class _Run:
         if self.events is not None and request.events is not None:
             jobs.append((request.events, lambda: self.events.save(request.events)))
         if request.log is not None:
+            from mpp_taichi.cli._window_desk import save_log
+
             jobs.append((request.log, partial(save_log, request.log, simulation, self.goal)))
         if state is not None:
             save = simulation.checkpoint if self.last_state is None else self.last_state.save

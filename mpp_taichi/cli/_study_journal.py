@@ -3,6 +3,7 @@
 import argparse
 import hashlib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,6 @@ from mpp_taichi.device.availability import TAICHI_VERSION, cpu_name
 
 FORMAT = 1
 PACKAGE = Path(__file__).parents[1]
-
-
-def add_journal(parser: argparse.ArgumentParser, where: str) -> None:
-    """--fresh, --no-archive, of a study whose journal is at `where`."""
-    parser.add_argument("--fresh", action="store_true", help=f"begin anew, where {where} holds a study that was cut off")
-    parser.add_argument("--no-archive", action="store_true", help=f"keep no {where} from which the same command goes on")
 
 
 def study_journal(path: Path, verb: str, arguments: argparse.Namespace, known: Mapping[str, Any]) -> Journal:
@@ -42,6 +37,7 @@ def study_journal(path: Path, verb: str, arguments: argparse.Namespace, known: M
     return Journal(None if arguments.no_archive else path, everything, fresh=arguments.fresh, tell=say)
 
 
+@cache
 def program_digest() -> str:
     """A digest of the names, sizes and times of the program's files: a changed program measures anew."""
     digest = hashlib.sha256()

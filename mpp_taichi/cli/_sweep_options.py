@@ -4,12 +4,8 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-import yaml
-
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene.document import read_value
-from mpp_taichi.scene.location import Location
 
 KINDS = ("random", "sobol")
 REFINED = 0.05
@@ -129,6 +125,11 @@ def _sample(text: str, seed: int | None) -> dict[str, Any]:
 
 def _value(text: str, option: str) -> Any:
     """A value written as in a scene."""
+    import yaml
+
+    from mpp_taichi.scene.document import read_value
+    from mpp_taichi.scene.location import Location
+
     try:
         return read_value(text, Location(option, 0, 0)).plain()
     except (SceneError, yaml.YAMLError) as error:

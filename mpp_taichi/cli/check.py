@@ -10,15 +10,15 @@ A worksheet of the course (`mpp-taichi new answers.yaml --sheet two_bodies`) is 
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._check_in_parallel import check_at_once
-from mpp_taichi.cli._study_journal import add_journal, went_on
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
-from mpp_taichi.cli._verdicts import Verdicts
 from mpp_taichi.device.thread_count import processors
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
+
+if TYPE_CHECKING:
+    from mpp_taichi.cli._verdicts import Verdicts
 
 NOT_HERE = "not possible here"
 NOT_RUN = "-   "
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--kept-run", type=Path, help=argparse.SUPPRESS)  # of a process that another check has started
     _options.add_device(parser)
-    add_journal(parser, "out/check-….journal")
+    _options.add_journal(parser, "out/check-….journal")
     _options.add_report(parser)
 
 
@@ -45,6 +45,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
     Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
+    from mpp_taichi.cli._check_in_parallel import check_at_once
+    from mpp_taichi.cli._study_journal import went_on
+    from mpp_taichi.cli._verdicts import Verdicts
     from mpp_taichi.worksheets.answers import is_answers
 
     scenes = _scene_files(arguments.scenes)
@@ -89,10 +92,8 @@ def _grade(sheets: list[Path], given: list[Path], arguments: argparse.Namespace)
     return _grades.put_grades(sheets[0], arguments)
 
 
-def _check(scene: Path, arguments: argparse.Namespace, verdicts: Verdicts) -> dict[str, Any]:
+def _check(scene: Path, arguments: argparse.Namespace, verdicts: "Verdicts") -> dict[str, Any]:
     from mpp_taichi.cli._choose_method import settled
-    from mpp_taichi.cli._request import Request
-    from mpp_taichi.cli._session import run_scene
     from mpp_taichi.cli._signals import Interrupted
     from mpp_taichi.scene.load import load_scene
 
@@ -100,6 +101,9 @@ def _check(scene: Path, arguments: argparse.Namespace, verdicts: Verdicts) -> di
         say(f"checking {scene}")
     try:
         spec, precision, _ = settled(load_scene(scene), arguments)
+        from mpp_taichi.cli._request import Request
+        from mpp_taichi.cli._session import run_scene  # a scene with a fault does not wait for it
+
         where = {"backend": arguments.backend, "precision": precision, "plan": arguments.plan, "threads": arguments.threads}
         kept = arguments.kept_run or verdicts.run_of(scene)
         request = Request(**where, quiet=True, archive=kept is not None, archive_at=kept)

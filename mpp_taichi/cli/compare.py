@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi import __version__
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._reports import write_report
-from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
 from mpp_taichi.errors import UnsupportedError
-from mpp_taichi.scene.pair_forces import is_pair_force
 
 if TYPE_CHECKING:
     from mpp_taichi.compare.comparison import ComparisonWishes
@@ -47,14 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder of the results; absent: out/SCENE.compare"
     )
-    add_journal(parser, "DIR/journal")
+    _options.add_journal(parser, "DIR/journal")
     _options.add_report(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Compare, print and write."""
     from mpp_taichi.cli._refusals import require_any_backend, require_room
+    from mpp_taichi.cli._study_journal import study_journal, torn, went_on
     from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.scene.pair_forces import is_pair_force
 
     wishes = _wishes(arguments)
     spec = load_scene(arguments.scene, overrides=arguments.overrides)

@@ -8,7 +8,6 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ def execute(arguments: argparse.Namespace) -> int:
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._costs import measure
+    from mpp_taichi.cli._phases import described
     from mpp_taichi.simulation.simulation import Simulation
 
     with output_reserved(arguments.json):
@@ -104,6 +104,7 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
+    from mpp_taichi.cli._phases import phase_line
     from mpp_taichi.modes.network_report import MOST_FREEDOMS, network_lines, note
 
     launches = found["launches_per_step"]

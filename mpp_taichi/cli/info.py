@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import importlib.metadata
 import json
 import os
 import platform
@@ -71,6 +70,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _version(package: str) -> str | None:
+    import importlib.metadata  # takes 10 ms
+
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:

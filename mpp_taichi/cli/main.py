@@ -6,32 +6,16 @@ Exit codes: 0 ok · 1 internal error · 2 wrong usage, an invalid scene, or a pa
 """
 
 import argparse
+import importlib
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from signal import SIGINT
 from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import (
-    accuracy,
-    check,
-    compare,
-    convert,
-    explain,
-    info,
-    new,
-    passport,
-    record,
-    replay,
-    run,
-    scenes,
-    schema,
-    sweep,
-    verify,
-)
 from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import (
@@ -51,23 +35,23 @@ from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.scene.bundled import bundled_scenes
 from mpp_taichi.scene.did_you_mean import suggestion
 
-VERBS: dict[str, ModuleType] = {
-    "run": run,
-    "record": record,
-    "scenes": scenes,
-    "new": new,
-    "accuracy": accuracy,
-    "compare": compare,
-    "sweep": sweep,
-    "explain": explain,
-    "check": check,
-    "convert": convert,
-    "replay": replay,
-    "verify": verify,
-    "passport": passport,
-    "info": info,
-    "schema": schema,
-}
+NAMES = (
+    "run",
+    "record",
+    "scenes",
+    "new",
+    "accuracy",
+    "compare",
+    "sweep",
+    "explain",
+    "check",
+    "convert",
+    "replay",
+    "verify",
+    "passport",
+    "info",
+    "schema",
+)
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 EPILOG = __doc__.partition("\n\n")[2]
@@ -78,6 +62,24 @@ To begin with:
   mpp-taichi run                      a window with a list of scenes
   mpp-taichi scenes                   list the scenes of the program
   mpp-taichi new my.yaml              begin a scene of your own"""
+
+
+class _Verbs(Mapping[str, ModuleType]):
+    """The modules of the verbs, each imported when it is first asked for: a verb does not wait for the others."""
+
+    def __getitem__(self, name: str) -> ModuleType:
+        if name not in NAMES:
+            raise KeyError(name)
+        return importlib.import_module(f"mpp_taichi.cli.{name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(NAMES)
+
+    def __len__(self) -> int:
+        return len(NAMES)
+
+
+VERBS = _Verbs()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -130,8 +132,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    parser = _parser()
-    chosen, unknown = parser.parse_known_args(_with_verb(words))
+    words = _with_verb(words)
+    verb = words[0] if words and words[0] in NAMES else None
+    parser = _parser(verb)
+    chosen, unknown = parser.parse_known_args(words)
     if unknown:
         verbs = next(action for action in parser._actions if action.dest == "verb")
         options = verbs.choices[chosen.verb]._option_string_actions if chosen.verb else {}  # type: ignore[index]
@@ -146,7 +150,8 @@ def _dispatch(words: list[str]) -> int:
     return VERBS[chosen.verb].execute(chosen)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(chosen: str | None) -> argparse.ArgumentParser:
+    """The parser of all verbs, of which only the chosen verb has its options; without a choice, each has its summary."""
     parser = _Parser(
         prog="mpp-taichi",
         description=DESCRIPTION,
@@ -155,16 +160,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mpp_taichi {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
-    for name, module in VERBS.items():
-        summary = (module.__doc__ or "").partition("\n")[0]
+    for name in NAMES:
+        text = VERBS[name].__doc__ or "" if chosen in (None, name) else ""
         verb = verbs.add_parser(
             name,
-            help=summary,
-            description=module.__doc__,
+            help=text.partition("\n")[0],
+            description=text,
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
-        module.add_arguments(verb)
+        if chosen == name:
+            VERBS[name].add_arguments(verb)
     return parser
 
 
@@ -174,12 +180,12 @@ def _with_verb(words: list[str]) -> list[str]:
     Raises:
         UsageError: the first word is neither a verb nor a scene.
     """
-    if not words or words[0] in VERBS or words[0] in ("-h", "--help", "--version"):
+    if not words or words[0] in NAMES or words[0] in ("-h", "--help", "--version"):
         return words
     first = words[0]
     is_scene = "." in first or os.sep in first or first in bundled_scenes() or os.path.exists(first)
     if not first.startswith("-") and not is_scene:
-        hint = suggestion(first, [*VERBS, *bundled_scenes()])
-        told = f"{first!r} is neither a verb nor a scene{hint or ';'} verbs: {', '.join(VERBS)}"
+        hint = suggestion(first, [*NAMES, *bundled_scenes()])
+        told = f"{first!r} is neither a verb nor a scene{hint or ';'} verbs: {', '.join(NAMES)}"
         raise UsageError(f"{told}; `mpp-taichi scenes` lists the scenes")
     return ["run", *words]

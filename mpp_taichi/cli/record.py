@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, say
-from mpp_taichi.scene.right_half import as_texts
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
@@ -98,6 +97,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside | None":
     """The right half of `--beside`, or else of the scene; it begins with the method that was chosen for the left half."""
+    from mpp_taichi.scene.right_half import as_texts
+
     said = arguments.beside or as_texts(spec.record.beside)
     if arguments.html is not None and arguments.beside:
         raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")

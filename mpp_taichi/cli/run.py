@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._kept_settings import FRESH, VARIABLE, kept_settings
 from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
 from mpp_taichi.views.looks import LOOKS, MOST_PARTICLES
 
@@ -38,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fresh-window",
         action="store_true",
-        help=f"neither use nor keep the settings of the window of the last run, as with {VARIABLE}={FRESH} in the environment",
+        help="neither use nor keep the settings of the window of the last run, as with "
+        f"{_options.WINDOW_VARIABLE}={_options.FRESH} in the environment",
     )
     _options.add_length(parser)
     _options.add_device(parser)
@@ -80,6 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
         return dry_run(spec, arguments)
     from mpp_taichi.cli._choose_method import settled
+    from mpp_taichi.cli._kept_settings import kept_settings
     from mpp_taichi.cli._outcome import report
     from mpp_taichi.cli._session import run_scene
 
@@ -111,6 +112,7 @@ def _all_scenes(outcome: "Outcome", request: "Request", arguments: argparse.Name
 def _begin_with_a_list(arguments: argparse.Namespace) -> int:
     """Open a window without a scene."""
     from mpp_taichi.cli._empty_window import first_stage, request_without_scene, require_no_more
+    from mpp_taichi.cli._kept_settings import kept_settings
     from mpp_taichi.cli._outcome import report
 
     require_no_more(arguments, "")

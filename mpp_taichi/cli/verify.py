@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._reports import write_report
-from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names
 from mpp_taichi.device.availability import BACKENDS, availability
@@ -47,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     out = "folder of the results; absent: out/verify"
     parser.add_argument("--out", type=_options.output_path, metavar="DIR", help=out)
-    add_journal(parser, "DIR/journal")
+    _options.add_journal(parser, "DIR/journal")
     _options.add_report(parser)
 
 
@@ -107,6 +106,7 @@ def _places(arguments: argparse.Namespace) -> "tuple[list[Place], dict[str, str]
 def _ask(questions: "list[Question]", missing: dict[str, str], arguments: argparse.Namespace) -> dict[str, Any]:
     from mpp_taichi.cli._passport import keep_verdict
     from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.cli._study_journal import study_journal, torn, went_on
     from mpp_taichi.recorders._lock import OutputLock
     from mpp_taichi.verify.examination import Examination
     from mpp_taichi.verify.findings import facts

@@ -1,19 +1,17 @@
 """Backends: the only module that starts Taichi. The backend that a user asks for runs, or an error says why it does not."""
 
 import contextlib
-import functools
 import io
 import logging
 import os
 import sys
-import tempfile
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.device import fast_taichi, forked, one_thread, own_runtime
+from mpp_taichi.device import fast_taichi, forked, kernel_cache, one_thread, own_runtime
 from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.device.fast_taichi import short_compilation
 from mpp_taichi.device.held_signals import signals_held
@@ -147,6 +145,7 @@ def _start(backend: str, precision: str | None, *, large: bool, threads: int | N
         log.warning("the fields of Taichi that this program made have ended: %s", own_runtime.ONE_RUNTIME)
     initialise(ti, chosen, precision, threads)
     _forget()  # the start has ended the earlier runtime
+    own_trees = ti.lang.impl.get_runtime().prog.get_snode_tree_size()
     probes = _probe_here(ti, chosen)
     if precision == "f64" and not probes.float64:
         stop()
@@ -164,7 +163,7 @@ def _start(backend: str, precision: str | None, *, large: bool, threads: int | N
     if not probes.finds_nan:
         stop()
         raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
-    if ti.lang.impl.get_runtime().prog.get_snode_tree_size():
+    if ti.lang.impl.get_runtime().prog.get_snode_tree_size() > own_trees:
         # Taichi numbers fields, and a kernel that it kept fits only fields of the same numbers. The probes of a first start
         # made fields; after a new start the scene's fields have the numbers that they will have in every later run.
         initialise(ti, chosen, precision, threads)
@@ -181,7 +180,9 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
     require_threads(threads)
     if ti.lang.impl.get_runtime().prog is None:
         require_memory(POOL_BYTES)
-    if not _is_writable(_cache_of_kernels(ti)):
+    folder = kernel_cache.folder_of(ti)
+    kernel_cache.remove_old_lock(folder)
+    if not kernel_cache.is_writable(folder):
         # Even without a cache Taichi makes the folder when the process ends, and aborts where it cannot. So it is given a
         # folder that exists, and writes nothing into it.
         here = str(Path(__file__).parent)
@@ -209,24 +210,6 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
         raise BackendError(f"asked for backend {backend}, but Taichi started {running}")
     if backend == "cpu":
         fast_taichi.start_threads()
-
-
-def _cache_of_kernels(ti: Any) -> str:
-    """The folder where Taichi keeps compiled kernels unless told otherwise."""
-    ti._lib.core.reset_default_compile_config()  # as ti.init does; the options of an earlier ti.init still stand there
-    return ti.lang.impl.default_cfg().offline_cache_file_path
-
-
-@functools.cache
-def _is_writable(folder: str) -> bool:
-    """Whether a file can be made in a folder; a missing folder is made. Warns once where it cannot."""
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError as error:
-        log.warning("compiled kernels are not kept: %s: %s", folder, error.strerror or error)
-        return False
 
 
 def widest_float(device: Device) -> Any:

@@ -228,7 +228,7 @@ def _entries(kind: str, names: Iterable[str]) -> Any:
 def definition_name(kind: str, declared: component.Declaration) -> str:
     """The name of a component's definition in the schema; it says the kind where an earlier kind has the same name."""
     earlier = component.KINDS[: component.KINDS.index(kind)]
-    taken = any(declared.name in component.names(other) for other in earlier)
+    taken = any(component.find_file(other, declared.name) is not None for other in earlier)
     return f"{declared.class_name}Of{kind.capitalize()}" if taken else declared.class_name
 
 

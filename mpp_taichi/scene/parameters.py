@@ -12,7 +12,7 @@ from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
 from mpp_taichi.scene.points import Points
 
-STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
+STRICT = ConfigDict(defer_build=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 
 
 def field_of(parameter: Parameter) -> Field:

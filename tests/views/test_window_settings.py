@@ -13,7 +13,8 @@ from window_manager import WindowManager
 
 from mpp_taichi.cli import _kept_settings
 from mpp_taichi.cli._interactive import _decided
-from mpp_taichi.cli._kept_settings import FRESH, VARIABLE, kept_settings, settings_file
+from mpp_taichi.cli._kept_settings import kept_settings, settings_file
+from mpp_taichi.cli._options import FRESH, WINDOW_VARIABLE
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.views.glass import Glass
@@ -35,7 +36,7 @@ sys.exit(main(["run", "one.yaml", "--backend", "cpu"]))
 @pytest.fixture
 def file(tmp_path, monkeypatch):
     """The file of the settings, which is not there yet."""
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.delenv(WINDOW_VARIABLE)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     return tmp_path / "config" / "mpp_taichi" / "window.yaml"
@@ -83,7 +84,7 @@ def test_fresh_neither_reads_nor_writes(file, monkeypatch, by_variable):
     file.parent.mkdir(parents=True)
     file.write_text("look: plain\n", encoding="utf-8")
     if by_variable:
-        monkeypatch.setenv(VARIABLE, FRESH)
+        monkeypatch.setenv(WINDOW_VARIABLE, FRESH)
     with kept_settings(fresh=not by_variable) as settings:
         assert settings == WindowSettings()
         settings.speed = 3
