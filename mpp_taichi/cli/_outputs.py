@@ -1,4 +1,7 @@
-"""Outputs of a run of the command line: their names are reserved, and the files of films are opened, before the run begins."""
+"""Outputs of a run of the command line: their names are reserved, and the files of films are opened, before the run begins.
+
+A recorder is imported only where its file is asked for, so that a run without files starts earlier.
+"""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -12,6 +15,7 @@ from mpp_taichi.simulation.run_output import RunOutput
 if TYPE_CHECKING:
     from mpp_taichi.recorders.film import FilmRecorder
     from mpp_taichi.recorders.trajectory import TrajectoryRecorder
+    from mpp_taichi.simulation.simulation import Simulation
 
 
 def lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -53,6 +57,24 @@ def open_sinks(spec: SceneSpec, request: Request, stack: ExitStack, *, waits: bo
 
         sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
     return sinks
+
+
+def asked_recorders(spec: SceneSpec, request: Request, simulation: "Simulation", every: int) -> tuple[Any, Any, Any]:
+    """The recorders of modes, of speeds and of events; None for each that is not asked for."""
+    modes = speeds = events = None
+    if spec.modes is not None or request.modes is not None:
+        from mpp_taichi.recorders.modes import ModeRecorder
+
+        modes = ModeRecorder(simulation, spec.modes, every)
+    if request.speeds is not None:
+        from mpp_taichi.recorders.speed_histogram import SpeedHistogram
+
+        speeds = SpeedHistogram(simulation)
+    if request.events is not None:
+        from mpp_taichi.recorders.event_log import EventLogRecorder
+
+        events = EventLogRecorder([wall.label for wall in simulation.phase.surfaces], every)
+    return modes, speeds, events
 
 
 def kept_outputs(

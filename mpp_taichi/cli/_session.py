@@ -17,7 +17,7 @@ from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._last_files import farewell, state_file, write_all
 from mpp_taichi.cli._outcome import Outcome
-from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
+from mpp_taichi.cli._outputs import asked_recorders, kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._passport import passport_facts
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import ANSWER_SECONDS, Interrupted, Interruption
@@ -129,7 +129,7 @@ class _Run:
         self.network = network_facts(
             spec, simulation.start, simulation.integrator.amplification, simulation.dt, most_freedoms=QUICK_FREEDOMS
         )
-        self.modes, self.speeds, self.events = self._asked_recorders()
+        self.modes, self.speeds, self.events = asked_recorders(spec, request, simulation, self.every)
         self.inspection = self._inspection()
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
@@ -144,24 +144,6 @@ class _Run:
         self.kept: KeptRun | None = None
         self.went_on: dict[str, Any] | None = None
         self.first_step = 0  # of this process
-
-    def _asked_recorders(self) -> tuple[Any, Any, Any]:
-        """The recorders of modes, of speeds and of events; None for each that is not asked for."""
-        spec, request, simulation = self.spec, self.request, self.simulation
-        modes = speeds = events = None
-        if spec.modes is not None or request.modes is not None:
-            from mpp_taichi.recorders.modes import ModeRecorder
-
-            modes = ModeRecorder(simulation, spec.modes, self.every)
-        if request.speeds is not None:
-            from mpp_taichi.recorders.speed_histogram import SpeedHistogram
-
-            speeds = SpeedHistogram(simulation)
-        if request.events is not None:
-            from mpp_taichi.recorders.event_log import EventLogRecorder
-
-            events = EventLogRecorder([wall.label for wall in simulation.phase.surfaces], self.every)
-        return modes, speeds, events
 
     def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: "TrajectoryRecorder | None") -> Outcome:
         """Run to the end, or to the time of an error or a signal; then write all files."""

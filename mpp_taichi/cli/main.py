@@ -150,8 +150,8 @@ def _dispatch(words: list[str]) -> int:
     return VERBS[chosen.verb].execute(chosen)
 
 
-def _parser(chosen: str | None) -> argparse.ArgumentParser:
-    """The parser of all verbs, of which only the chosen verb has its options; without a choice, each has its summary."""
+def _parser(chosen: str | None = None) -> argparse.ArgumentParser:
+    """The parser of all verbs, of which only the chosen verb has its options; without a choice, each has its own."""
     parser = _Parser(
         prog="mpp-taichi",
         description=DESCRIPTION,
@@ -169,7 +169,7 @@ def _parser(chosen: str | None) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
-        if chosen == name:
+        if chosen in (None, name):
             VERBS[name].add_arguments(verb)
     return parser
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from mpp_taichi import MppError, Simulation
-from mpp_taichi.cli import check
+from mpp_taichi.cli import _check_in_parallel, check
 from mpp_taichi.cli.main import main
 from mpp_taichi.device import backends
 from mpp_taichi.device.thread_count import most_threads, processors
@@ -86,7 +86,7 @@ def test_a_process_that_may_use_one_processor_runs_one_thread_and_one_check(monk
     with Simulation({**kepler(dt=0.02), "run": {"steps": 3}}, backend="cpu") as simulation:
         assert simulation.device.threads == ti.lang.impl.current_cfg().cpu_max_num_threads == 1
     asked = []
-    monkeypatch.setattr(check, "check_at_once", lambda *_: asked.append("many") or [])
+    monkeypatch.setattr(_check_in_parallel, "check_at_once", lambda *_: asked.append("many") or [])
     monkeypatch.setattr(check, "_check", lambda scene, *_: {"scene": str(scene), "status": "ok", "exit_code": 0, "expect": []})
     monkeypatch.chdir(tmp_path)
     names = [f"{letter}.yaml" for letter in "abcdefg"]
