@@ -305,7 +305,7 @@ class WisdomHolman(Integrator):
     def _pull(self, state: Template, total_force: Template, first):
         """Accelerations by all pairs but the innermost, at the places of the bodies.
 
-        `+=` on a field would be an atomic: the same bits, and a step of twelve bodies a tenth slower.
+        `+=` on a field would be an atomic: the same bits, and steps of twelve to sixteen bodies a tenth slower.
         """
         for i in range(first + 2, first + total_force.particle_count):
             pulled = ti.Vector.zero(float, state.dimensions)
