@@ -46,10 +46,12 @@ def test_kernels_follow_their_rules():
         "import taichi as ti\n@ti.kernel\ndef f(x: float) -> ti.i32:\n    return x != x\n",
         "import taichi as ti\nplaces = ti.field(ti.f32, 3)\n",
         "import taichi as ti\n@ti.func\ndef f(x):\n    if x > 0:\n        return 1\n    return 2\n",
+        "import taichi as ti\n@ti.func\ndef f(state: ti.template()):\n    state.count[0] += 1\n",
     ],
 )
 def test_the_kernel_linter_sees_each_fault(fault, tmp_path):
-    (tmp_path / "faulty.py").write_text(fault, encoding="utf-8")
+    (tmp_path / "solvers").mkdir()
+    (tmp_path / "solvers" / "faulty.py").write_text(fault, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "tools/checks/check_kernels.py", str(tmp_path)], cwd=ROOT, capture_output=True, check=False
     )

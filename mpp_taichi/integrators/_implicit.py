@@ -190,9 +190,9 @@ class Implicit(Integrator):
                         state.unsolved[replica] = 1
                     pieces *= 2
             if solved == 1:
-                state.solved_steps[replica] += 1
+                state.solved_steps[replica] = state.solved_steps[replica] + 1
                 if pieces > 1:
-                    state.cut_steps[replica] += 1
+                    state.cut_steps[replica] = state.cut_steps[replica] + 1
 
     @ti.func
     def attempt(self, state: Template, total_force: Template, first, time, dt, last_chance):
@@ -218,7 +218,8 @@ class Implicit(Integrator):
                 self.kick(state, i, dt)
         if self.guarded_energy(state, total_force, first, time + dt) > before + self.guard_room * ti.abs(before):
             if last_chance:
-                state.gaining_pieces[first // total_force.particle_count] += 1
+                r = first // total_force.particle_count
+                state.gaining_pieces[r] = state.gaining_pieces[r] + 1
             else:
                 solved = 0
         return solved

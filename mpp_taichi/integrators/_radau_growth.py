@@ -50,7 +50,7 @@ class RadauGrowth:
     @ti.func
     def shift(self, r, bits):
         """Note that the deviation was divided by 2^bits."""
-        self.meter.sums["shift"][r] += bits * ti.static(math.log(2.0))
+        self.meter.sums["shift"][r] = self.meter.sums["shift"][r] + bits * ti.static(math.log(2.0))
 
     @ti.func
     def take(self, r, n, squared):

@@ -143,7 +143,7 @@ class WisdomHolman(Integrator):
                     self._kick(state, total_force, first, kick * dt, part == STEPS)
                 self._drift(state, total_force, first, drift * dt)
             if part == STEPS:
-                state.step_and_count[2 * r + 1] += ti.cast(steps, state.wide)
+                state.step_and_count[2 * r + 1] = state.step_and_count[2 * r + 1] + ti.cast(steps, state.wide)
         self._show(state, total_force, first, beyond)
         self._copy(state, total_force, first, False)
 
@@ -249,8 +249,9 @@ class WisdomHolman(Integrator):
             state.jacobi_position[k], state.position_rest[k] = compensated_sum(x, state.position_rest[k], way)
             state.jacobi_velocity[k], state.velocity_rest[k] = compensated_sum(v, state.velocity_rest[k], push)
             if not solved:
-                state.unsolved_orbits[2 * (first // total_force.particle_count)] += 1
-                state.unsolved_orbits[2 * (first // total_force.particle_count) + 1] = state.order_inside_out[k]
+                r = first // total_force.particle_count
+                state.unsolved_orbits[2 * r] = state.unsolved_orbits[2 * r] + 1
+                state.unsolved_orbits[2 * r + 1] = state.order_inside_out[k]
                 state.jacobi_position[k] = ti.Vector.zero(float, state.dimensions) * ti.math.nan  # so that the run ends here
 
     @ti.func

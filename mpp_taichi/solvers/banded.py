@@ -60,7 +60,7 @@ class Banded:
                             if ti.static(state.has_fixed_axes):
                                 free = state.free[i][r] * state.free[j][c]
                             at = base + (row + r) * self.stride + self.width - (row + r - column - c)
-                            state.band[at] -= free * spring[r, c]
+                            state.band[at] = state.band[at] - free * spring[r, c]
             for r in ti.static(range(dimensions)):
                 for c in ti.static(range(r + 1)):
                     value = block[r, c]
@@ -68,7 +68,8 @@ class Banded:
                         value *= state.free[i][r] * state.free[i][c]
                         if ti.static(r == c):
                             value += (1.0 - state.free[i][r]) * self.matrix.weight(state, i)
-                    state.band[base + (row + r) * self.stride + self.width - (r - c)] += value
+                    at = base + (row + r) * self.stride + self.width - (r - c)
+                    state.band[at] = state.band[at] + value
 
     @ti.func
     def factorize(self, state: Template, first):
@@ -118,7 +119,7 @@ class Banded:
             own = base + r * self.stride + self.width - r
             value = state.column[at + r]
             for c in range(ti.max(0, r - self.width), r):
-                state.column[at + c] -= state.band[own + c] * value
+                state.column[at + c] = state.column[at + c] - state.band[own + c] * value
         for i in range(first, first + self.matrix.total_force.particle_count):
             for k in ti.static(range(dimensions)):
                 state.update[i][k] = state.column[at + state.place[i] * dimensions + k]

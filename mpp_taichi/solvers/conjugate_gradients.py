@@ -52,7 +52,7 @@ class ConjugateGradients:
     @ti.func
     def advance(self, state: Template, i, step):
         """δ += step·p, r −= step·q, z = B r; returns r·z."""
-        state.update[i] += step * state.direction[i]
+        state.update[i] = state.update[i] + step * state.direction[i]
         r = state.residual[i] - step * state.product[i]
         state.residual[i] = r
         z = state.inverse_block[i] @ r

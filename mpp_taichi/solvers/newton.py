@@ -80,7 +80,7 @@ class Newton:
     def apply(self, state: Template, i, factor, dt):
         """P += factor·δ; returns |factor·δ|² and the allowed size of |factor·δ|²."""
         change = factor * state.update[i]
-        state.shift[i] += change
+        state.shift[i] = state.shift[i] + change
         way = dt * state.base_velocity[i]
         moved = dot(state, state.shift[i], state.shift[i]) + dot(state, way, way)
         # Rounding errors of positions reach P through the forces: fully along stiff springs, hardly along soft springs.
@@ -125,7 +125,7 @@ class Newton:
                     for i in range(first, end):
                         self.matrix.linearize(state, first, i, time, b, g, projected)
                     count, slope_before, indefinite = self.linear.solve_serial(state, first, time, g)
-                    state.linear_count[replica] += count
+                    state.linear_count[replica] = state.linear_count[replica] + count
                     projected += 1
                 factor = ti.cast(1.0, float)
                 for i in range(first, end):
@@ -133,7 +133,7 @@ class Newton:
                 iterations += 1
                 status = self.judge(iterations, indefinite, sizes, last)
                 last = sizes[0]
-        state.newton_count[replica] += iterations
+        state.newton_count[replica] = state.newton_count[replica] + iterations
         state.newton_most[replica] = ti.max(state.newton_most[replica], iterations)
         return ti.select(status == SOLVED, 1, 0)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from mpp_taichi import component
 
 ONLY_STARTER = "backends.py"
+OWN_SUMS = ("integrators", "solvers")  # folders whose threads have a copy or a particle to themselves
 FIELD_MAKERS = {"field", "Vector.field", "Matrix.field", "ndarray"}
 
 
@@ -38,6 +39,8 @@ def check(path: Path) -> Iterator[str]:
             yield f"{path}:{node.lineno}: ti.init belongs in {ONLY_STARTER}"
         if is_kernel(node):
             yield from check_kernel(path, node)
+            if path.parent.name in OWN_SUMS:
+                yield from check_sums(path, node)
     for node in tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and makes_field(node.value):
             yield f"{path}:{node.lineno}: a field at module level starts a device at import"
@@ -60,6 +63,22 @@ def check_kernel(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
             yield f"{path}:{node.lineno}: `in` does not work in a kernel"
         if isinstance(node, ast.Return) and node is not kernel.body[-1]:
             yield f"{path}:{node.lineno}: a kernel or func returns once, at its end"
+
+
+def check_sums(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
+    """A sum into a field by `+=` is an atomic: slow in a loop over copies, and software Vulkan ends the loops of its thread."""
+    for node in ast.walk(kernel):
+        if isinstance(node, ast.AugAssign) and isinstance(node.op, ast.Add | ast.Sub) and is_field(node.target):
+            yield f"{path}:{node.lineno}: `+=` on a field is an atomic; write field[i] = field[i] + value"
+
+
+def is_field(target: ast.expr) -> bool:
+    """An entry of a field of `state` or `self`."""
+    while isinstance(target, ast.Subscript):
+        target = target.value
+        if isinstance(target, ast.Attribute) and ast.unparse(target).partition(".")[0] in ("state", "self"):
+            return True
+    return False
 
 
 def is_self_comparison(left: ast.expr, right: ast.expr) -> bool:
