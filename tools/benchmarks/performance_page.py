@@ -22,8 +22,8 @@ GPU = """\
 This command measures on a machine with a GPU, in at most eight minutes, and goes on where it was cut off: certificates that the
 backends agree, the rates of pairs, tree, springs, spheres and replicas from a thousand to the largest number that fits, each
 beside the limits of the card that are measured in the same process, a film, questions with known answers, and the tests
-that run on Vulkan. It writes `round.html`, a table in Markdown and `round.json` into the folder `out/gpu_round`. The tests run it on
-the backends of a CPU (`--backends cpu --short`). These commands compare backends at length:
+that run on Vulkan. It writes `round.html`, a table in Markdown and `round.json` into the folder `out/gpu_round`. The tests run
+it on the backends of a CPU (`--backends cpu --short`). These commands compare backends at length:
 
     python -m mpp_taichi compare scenes/ring.yaml --backends cuda,vulkan,opencl --scaling
     python -m mpp_taichi compare scenes/cloth.yaml --backends cuda,vulkan,opencl --scaling
