@@ -47,6 +47,8 @@ def test_kernels_follow_their_rules():
         "import taichi as ti\nplaces = ti.field(ti.f32, 3)\n",
         "import taichi as ti\n@ti.func\ndef f(x):\n    if x > 0:\n        return 1\n    return 2\n",
         "import taichi as ti\n@ti.func\ndef f(state: ti.template()):\n    state.count[0] += 1\n",
+        "import taichi as ti\n@ti.func\ndef f(x):\n    return ti.exp(x)\n",
+        "import taichi as ti\n@ti.func\ndef f(x):\n    return x**1.5\n",
     ],
 )
 def test_the_kernel_linter_sees_each_fault(fault, tmp_path):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.step_power import step_power
+from mpp_taichi.arithmetic.rough_functions import rough_power
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -212,8 +212,8 @@ class Embedded(Adaptive):
                 left = 0
             elif error <= 1.0:
                 seen = ti.max(error, ti.cast(LEAST_ERROR, state.wide))
-                change = SAFETY * step_power(seen, -INTEGRAL / self.error_order)
-                change *= step_power(state.judged[2 * r], PROPORTIONAL / self.error_order)
+                change = SAFETY * rough_power(seen, -INTEGRAL / self.error_order)
+                change *= rough_power(state.judged[2 * r], PROPORTIONAL / self.error_order)
                 state.judged[2 * r], state.judged[2 * r + 1] = seen, 0.0
                 self.count(state, r, self.STEPS, 1)
                 state.clock[self.CLOCK * r + 1] = h
@@ -224,7 +224,7 @@ class Embedded(Adaptive):
                 self.count(state, r, self.REFUSED, 1)
                 change = ti.cast(SHORTEST, state.wide)
                 if error < 1e30:
-                    change = ti.max(change, SAFETY * step_power(error, -1.0 / self.error_order))
+                    change = ti.max(change, SAFETY * rough_power(error, -1.0 / self.error_order))
                 h *= change
                 grows = 1.0
                 state.judged[2 * r + 1] = REFUSED_BEFORE

@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
-from mpp_taichi.arithmetic.step_power import step_power
+from mpp_taichi.arithmetic.rough_functions import rough_power
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -136,10 +136,10 @@ class Taylor(Adaptive):
         share = ti.cast(LONGEST, state.wide)
         for n in ti.static(range(2)):
             square = ti.cast(squared[n], state.wide)
-            share = ti.min(share, step_power(finest * finest / square, 0.5 / (self.order - 1 + n)))
+            share = ti.min(share, rough_power(finest * finest / square, 0.5 / (self.order - 1 + n)))
         if error > 0.0 and squared[2] > 0.0:
             square = ti.cast(squared[2], state.wide)
-            share = ti.min(ti.max(share, step_power(error * error / square, 0.5 / self.order)), LONGEST)
+            share = ti.min(ti.max(share, rough_power(error * error / square, 0.5 / self.order)), LONGEST)
         h = share * unit
         tally = self.TALLY * r
         state.tally[tally + self.EVALUATIONS] = state.tally[tally + self.EVALUATIONS] + (self.order - 1)

@@ -17,6 +17,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.rough_functions import rough_exponential, rough_power
 from mpp_taichi.neighbors.tree_estimate import GROUP
 
 SHARE = 0.005  # half of the share of bodies that may miss the accuracy: E is known to a factor of two
@@ -56,12 +57,12 @@ class TreeCheck:
                     squared += component * component
                 weakest = ti.min(weakest, squared)
                 if squared < 16.0 * variance:  # beyond, P is below 1e-6
-                    probability += ti.exp(-squared / variance)
+                    probability += rough_exponential(-squared / variance)
             limit, least = self.estimate.limit[group], self.estimate.least[group]
             pending = probability > SHARE * ti.cast(end - begin, float) and limit > least
             self.estimate.pending[group] = ti.cast(pending, ti.i32)
             if pending:
                 ratio = ti.min(ti.sqrt(weakest / variance) / MARGIN, 1.0)
-                self.estimate.limit[group] = ti.max(limit * ratio**EXPONENT, least)
+                self.estimate.limit[group] = ti.max(limit * rough_power(ratio, EXPONENT), least)
                 parts += ti.cast(probability * PARTS + 0.5, ti.i32)
         return parts

@@ -15,6 +15,17 @@ from mpp_taichi import component
 
 ONLY_STARTER = "backends.py"
 OWN_SUMS = ("integrators", "solvers")  # folders whose threads have a copy or a particle to themselves
+FUNCTIONS = ("exp", "log", "pow", "sin", "cos", "tan", "atan2")
+IN_SINGLE_ONLY = {f"{place}.{name}" for place in ("ti", "ti.math") for name in FUNCTIONS}
+MAY_HAVE_THEM = {  # where such functions are computed, or no kernel is compiled for Vulkan in f64
+    "rough_functions.py",
+    "harmonic_drive.py",  # refused there, as `takes_sine` says
+    "_kepler.py",  # of wisdom_holman, which runs on the CPU only
+    "merger.py",  # of merging, which runs on the CPU only
+    "cell_grid.py",  # of the CPU; device_grid.py is for others
+    "_roots.py",  # its quartics are of event_driven, which runs on the CPU only
+    "tangent_meter.py",  # which has a logarithm for each device
+}
 FIELD_MAKERS = {"field", "Vector.field", "Matrix.field", "ndarray"}
 
 
@@ -41,6 +52,8 @@ def check(path: Path) -> Iterator[str]:
             yield from check_kernel(path, node)
             if path.parent.name in OWN_SUMS:
                 yield from check_sums(path, node)
+            if path.name not in MAY_HAVE_THEM and "views" not in path.parts:
+                yield from check_functions(path, node)
     for node in tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and makes_field(node.value):
             yield f"{path}:{node.lineno}: a field at module level starts a device at import"
@@ -63,6 +76,27 @@ def check_kernel(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
             yield f"{path}:{node.lineno}: `in` does not work in a kernel"
         if isinstance(node, ast.Return) and node is not kernel.body[-1]:
             yield f"{path}:{node.lineno}: a kernel or func returns once, at its end"
+
+
+def check_functions(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
+    """Vulkan has exponentials, powers and angles in f32 only; Taichi ends the program where a kernel asks for f64."""
+    for node in ast.walk(kernel):
+        is_call = isinstance(node, ast.Call) and ast.unparse(node.func) in IN_SINGLE_ONLY
+        is_power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and not is_known(node)
+        if is_power or (is_call and not is_in_single(node)):
+            yield f"{path}:{node.lineno}: Vulkan computes this in f32 only; use arithmetic/rough_functions.py"
+
+
+def is_known(power: ast.BinOp) -> bool:
+    """Whether a power is known while the kernel is compiled, or is to a whole number, which is a product."""
+    exponent = power.right.operand if isinstance(power.right, ast.UnaryOp) else power.right
+    whole = isinstance(exponent, ast.Constant) and isinstance(exponent.value, int)
+    return whole or isinstance(power.left, ast.Constant)
+
+
+def is_in_single(call: ast.Call) -> bool:
+    """Whether the argument is of f32 on every device."""
+    return all(isinstance(each, ast.Call) and ast.unparse(each).endswith("ti.f32)") for each in call.args)
 
 
 def check_sums(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
