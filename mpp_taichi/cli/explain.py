@@ -50,6 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
+    from mpp_taichi.device.memory_limit import most_resident_bytes
     from mpp_taichi.modes.network_report import network_facts
     from mpp_taichi.report.summary import effect_names, plan_reason
     from mpp_taichi.step import plans
@@ -74,6 +75,8 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "launches_per_step": simulation.launcher.launches_per_step(),
         "fields": fields,
         "field_bytes": sum(fields.values()),
+        "bytes_per_particle": sum(fields.values()) / simulation.state.particle_count,
+        "process_bytes": most_resident_bytes(),
         "dt": simulation.dt,
         **(advice.facts() if advice is not None else {"dt_limit": None}),
         "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
@@ -122,7 +125,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *([f"contacts   {found['contacts']}; its own fields are not listed below"] if found["contacts"] else []),
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
-        f"memory     {_bytes(found['field_bytes'])} in fields",
+        f"memory     {_bytes(found['field_bytes'])} in fields, {_memory(found)}",
         *(f"           {name:{widest}s}{_bytes(size)}" for name, size in found["fields"].items()),
         f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
         *(f"           {row['effect']:20s}{_share(row, ' of it')}" for row in found["shares"]),
@@ -153,6 +156,12 @@ def _seconds(value: float) -> str:
         if abs(value) >= size:
             return f"{value / size:.3g} {unit}"
     return f"{value * 1e9:.3g} ns"
+
+
+def _memory(found: dict[str, Any]) -> str:
+    """The memory of a particle in fields, and of the whole process, in which contact solvers and trees have theirs."""
+    most = "" if found["process_bytes"] is None else f"; the process has had {_bytes(found['process_bytes'])} at most"
+    return f"{found['bytes_per_particle']:,.0f} B a particle{most}"
 
 
 def _bytes(count: int) -> str:

@@ -51,3 +51,13 @@ def require_memory(count: int) -> None:
 def tells_no_memory(error: BaseException) -> bool:
     """Whether an error of a library says that memory is short."""
     return isinstance(error, MemoryError) or any(sign in str(error).lower() for sign in SIGNS_OF_NO_MEMORY)
+
+
+def most_resident_bytes() -> int | None:
+    """The most memory that this process has had so far, with Taichi, NumPy and kernels; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(most if sys.platform == "darwin" else most * 1024)

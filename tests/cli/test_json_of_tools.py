@@ -127,6 +127,8 @@ def test_every_key_of_an_explanation_is_the_scene_s_or_what_was_measured(capsys,
         "launches_per_step": 0,  # no parallel loop
         "fields": field_bytes(),
         "field_bytes": sum(field_bytes().values()),
+        "bytes_per_particle": sum(field_bytes().values()) / 2,
+        "process_bytes": Between(10_000_000, 100_000_000_000),
         "dt": DT,
         **limits,
         "dt_said": told,
