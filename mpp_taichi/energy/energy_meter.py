@@ -8,8 +8,10 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import wide_number
 from mpp_taichi.arithmetic.particle_update import wide_velocity
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, sums, total
 from mpp_taichi.forces._total_force import TotalForce
+from mpp_taichi.neighbors.pair_energy import LEAST_COUNT, PairEnergy
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.state import State
 
@@ -26,12 +28,17 @@ class EnergyMeter:
         """Bind the parts."""
         self.state = state
         self.total_force = total_force
+        self._in_rows = in_rows(state, total_force)
+        self._rows: Any = None
 
     @ti.kernel
     def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
         self.total_force.at_replica(0)
         for i in range(self.state.particle_count):
-            terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
+            if ti.static(self._in_rows):
+                terms[i] = self.total_force.potential_energy_without_pairs(self.state, 0, i, time)
+            else:
+                terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
 
     @ti.kernel
     def _measure_replicas(self, time: float, terms: ti.types.ndarray(ndim=1)):
@@ -56,6 +63,9 @@ class EnergyMeter:
             return 0.0
         terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
         self._measure(time, terms)
+        if self._in_rows:
+            self._rows = self._rows or PairEnergy(self.total_force.pair_sum)
+            self._rows.add_to(self.state, terms)
         terms = terms.astype(np.float64)
         if self.total_force.by_tree:
             terms += self.total_force.tree_potential(self.state)
@@ -65,6 +75,12 @@ class EnergyMeter:
         """The conserved quantities of a snapshot of this state, with masses rounded as on the device, where forces use them."""
         kept = replace(snapshot, mass=self.state.as_kept(snapshot.mass))
         return mechanics(kept, self.potential_energy(time))
+
+
+def in_rows(state: State, total_force: TotalForce) -> bool:
+    """Whether the energy of pairs is summed in rows of lanes: for many bodies on a CPU, of which none merge."""
+    many = total_force.has_pairs and not total_force.by_tree and state.particle_count >= LEAST_COUNT
+    return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.merges)
 
 
 @ti.data_oriented

@@ -341,12 +341,18 @@ class TotalForce:
 
         Without the sum of a tree, which `tree_potential` computes for all particles at once.
         """
+        result = self.potential_energy_without_pairs(state, first, i, time)
+        if ti.static(self.has_pairs and not self.by_tree):
+            result += self.pair_sum.potential_energy_of(state, i)
+        return result
+
+    @ti.func
+    def potential_energy_without_pairs(self, state: Template, first, i, time):
+        """Share of particle i in the potential energy of external forces and bonds."""
         result = ti.cast(0.0, state.wide)
         for force in ti.static(self.external):
             result += force.potential(state, i, time)
         for bond in ti.static(self.bonds):
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
                 result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], own_entry(state, first, h))
-        if ti.static(self.has_pairs and not self.by_tree):
-            result += self.pair_sum.potential_energy_of(state, i)
         return result

@@ -1,0 +1,92 @@
+"""The energy of pairs in tiles of lanes: the sum that NumPy takes in long double, for every remainder of the tiles."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mpp_taichi import Simulation
+from mpp_taichi.neighbors.pair_energy import LANES, LEAST_COUNT
+
+SOFTENING, OTHER = 0.05, 0.2
+COUNTS = (LEAST_COUNT - 1, LEAST_COUNT, LEAST_COUNT + 1, LEAST_COUNT + LANES - 1, 2 * LEAST_COUNT + LANES + 3)
+
+
+def cloud(count, dimensions, **more):
+    """A cloud of charged bodies on their places, which no f32 rounds."""
+    random = np.random.default_rng(count + dimensions)
+    places = np.round(random.normal(size=(count, dimensions)) * 2**12) / 2**12
+    bodies = [
+        {"body": {"mass": 0.5 + k % 3, "charge": (-1.0) ** k, "position": place.tolist()}} for k, place in enumerate(places)
+    ]
+    return {
+        "dimensions": dimensions,
+        "particles": bodies,
+        "forces": [{"newtonian_gravity": {"softening": SOFTENING}}, {"coulomb": {"softening": OTHER}}],
+        "integrator": {"leapfrog": {"dt": 1e-3}},
+        **more,
+    }
+
+
+def exact(snapshot):
+    """The energy of gravity and of charges, and the sum of the sizes of its terms, in long double."""
+    i, j = np.triu_indices(snapshot.particle_count, 1)
+    place = snapshot.position.astype(np.longdouble)
+    squared = ((place[i] - place[j]) ** 2).sum(1)
+    mass, charge = snapshot.mass.astype(np.longdouble), snapshot.charge.astype(np.longdouble)
+    terms = -mass[i] * mass[j] / np.sqrt(squared + np.longdouble(SOFTENING) ** 2)
+    terms += charge[i] * charge[j] / np.sqrt(squared + np.longdouble(OTHER) ** 2)
+    return float(terms.sum()), float(np.abs(terms).sum())
+
+
+def energy(scene, precision="f64", threads=None):
+    with Simulation(scene, backend="cpu", precision=precision, threads=threads) as run:
+        meter = run.phase.energy_meter
+        found = meter.potential_energy(0.0)
+        assert (meter._rows is not None) == (run.state.particle_count >= LEAST_COUNT)
+        return found, run.start
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_energy_is_the_sum_over_all_pairs(count, dimensions):
+    """A body's sum of N terms rounds at random by √N · 2⁻⁵³ of its terms, each of which has some ten roundings of its own."""
+    found, start = energy(cloud(count, dimensions))
+    expected, size = exact(start)
+    assert abs(found - expected) < (math.sqrt(count) + 10) * 2.0**-53 * size
+
+
+@pytest.mark.parametrize("precision", ["f32", "f32c", "ds"])
+def test_in_single_precision_the_sum_is_of_f64(precision):
+    """The constants of the forces are rounded to f32, which changes each term by 4 · 2⁻²⁴ of itself at most."""
+    scene = cloud(LEAST_COUNT + 5, 3)
+    found, start = energy(scene, precision)
+    expected, size = exact(start)
+    assert abs(found - expected) < 4 * 2.0**-24 * size
+    assert found == pytest.approx(energy(scene)[0], abs=4 * 2.0**-24 * size)
+
+
+def test_the_bits_do_not_depend_on_the_threads():
+    scene = cloud(LEAST_COUNT + 77, 3)
+    assert energy(scene, threads=1)[0] == energy(scene, threads=2)[0]
+
+
+def test_other_forces_are_added():
+    """Uniform gravity −m g·x, whose term is in the first kernel."""
+    plain, start = energy(cloud(LEAST_COUNT, 3))
+    scene = cloud(LEAST_COUNT, 3)
+    scene["forces"].append({"uniform_gravity": {"acceleration": [0, 0, -2.0]}})
+    found, _ = energy(scene)
+    expected = 2.0 * (start.mass * start.position[:, 2]).sum()
+    assert found - plain == pytest.approx(expected, abs=1e-12 * abs(plain))
+
+
+def test_a_lost_pair_is_noticed():
+    """The tiles leave out no pair: the energy without one pair is off by more than the bound of the first test."""
+    _, start = energy(cloud(LEAST_COUNT + 1, 3))
+    _, size = exact(start)
+    i, j = np.triu_indices(start.particle_count, 1)
+    apart = ((start.position[i] - start.position[j]) ** 2).sum(1)
+    terms = -start.mass[i] * start.mass[j] / np.sqrt(apart + SOFTENING**2)
+    terms += start.charge[i] * start.charge[j] / np.sqrt(apart + OTHER**2)
+    assert np.median(np.abs(terms)) > (math.sqrt(start.particle_count) + 10) * 2.0**-53 * size
