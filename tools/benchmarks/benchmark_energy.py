@@ -2,8 +2,8 @@
 
     python tools/benchmarks/benchmark_energy.py [--counts 301 3073 16384] [--repeats 9] [--json FILE]
 
-A Plummer sphere under gravity on the CPU. Both are timed in turns in one process, by the wall clock; medians of the repeats. The
-energy is summed in f64 in every precision. The bar: in f64 an energy takes no longer than a step.
+A Plummer sphere under gravity on the CPU. Both are timed in turns in one process, by the wall clock; medians of the repeats.
+The energy is summed in f64 in every precision. The bar: in f64 an energy takes no longer than a step.
 """
 
 import argparse
