@@ -15,7 +15,8 @@ ROOTS = 3  # square roots taken first: the eighth root of every number in f64 is
 def rough_power(x, exponent: Template):
     """x^exponent, x ≥ 0 and |exponent| ≤ 2; where x = 0 and the exponent is negative, infinity.
 
-    CPUs and CUDA raise in the precision of x. Vulkan computes (x^(1/8))^(8 exponent) in f32, to a relative error of some 10⁻⁶.
+    CPUs and CUDA raise in the precision of x. Vulkan computes (x^(1/8))^(8 exponent) in f32, to some 3 + 2 |log₂ of the result|
+    roundings of f32, and gives 0 or infinity where the result is no number of f32.
     """
     result = x
     if ti.static(_is_single_only()):
@@ -33,7 +34,7 @@ def rough_power(x, exponent: Template):
 
 @ti.func
 def rough_exponential(x):
-    """e^x in the precision of x on CPUs and CUDA; on Vulkan in f32, to a relative error of some 10⁻⁷ |x|, and 0 below −87."""
+    """e^x in the precision of x on CPUs and CUDA; on Vulkan in f32, to some 3 + 3 |x| roundings of f32, and 0 below −87."""
     result = x
     if ti.static(_is_single_only()):
         result = ti.exp(ti.cast(x, ti.f32))

@@ -66,6 +66,22 @@ def test_in_single_precision_the_sum_is_of_f64(precision):
     assert found == pytest.approx(energy(scene)[0], abs=4 * 2.0**-24 * size)
 
 
+@pytest.mark.parametrize("precision", ["f32c", "ds"])
+def test_low_parts_of_places_are_seen(precision):
+    """Constants that f32 holds exactly, and places of 48 bits: without low parts each place would be off by 2⁻²⁵ of itself."""
+    scene = cloud(LEAST_COUNT + 5, 3)
+    scene["forces"] = [{"newtonian_gravity": {"softening": 0.5}}]
+    random = np.random.default_rng(5)
+    for entry in scene["particles"]:
+        entry["body"]["position"] = random.normal(size=3).tolist()
+    with Simulation(scene, backend="cpu", precision=precision) as run:
+        found, start = run.phase.energy_meter.potential_energy(0.0), run.start
+    i, j = np.triu_indices(start.particle_count, 1)
+    squared = ((start.position[i] - start.position[j]) ** 2).sum(1)
+    expected = -(start.mass[i] * start.mass[j] / np.sqrt(squared + 0.25)).sum()
+    assert abs(found / expected - 1) < 2.0**-44
+
+
 def test_the_bits_do_not_depend_on_the_threads():
     scene = cloud(LEAST_COUNT + 77, 3)
     assert energy(scene, threads=1)[0] == energy(scene, threads=2)[0]
