@@ -49,7 +49,7 @@ def main(words=None):
     known["missing"] = missing
     only = set(filter(None, options.only.split(",")))
     for stage in stages_of(backends, options.out.resolve(), short=options.short):
-        if (only and stage.kind not in only) or stage.name in known["stages"]:
+        if (only and stage.kind not in only) or is_done(known["stages"].get(stage.name)):
             continue
         left = end - time.monotonic()
         if left < SHORTEST:
@@ -63,6 +63,11 @@ def main(words=None):
     failed = [name for name, result in known["stages"].items() if not result["good"]]
     print(f"wrote {options.out / 'round.json'}, {options.out / 'round.md'}, {options.out / 'round.html'}")
     return NOT_HERE if not backends else int(bool(failed))
+
+
+def is_done(result):
+    """Whether a stage has ended by itself, or was cut off with something worth keeping; else it is run again."""
+    return result is not None and (result["good"] or not result["cut_off"])
 
 
 def present(names):

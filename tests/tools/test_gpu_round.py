@@ -53,6 +53,7 @@ def test_a_stage_that_takes_too_long_is_ended_and_keeps_what_it_wrote(tmp_path):
     lost = gpu_round.run(Stage("long", "film", command, 60.0, file), 3.0)
     assert kept["good"] and kept["cut_off"] and kept["data"] == [1] and kept["seconds"] < 30.0
     assert not lost["good"] and lost["cut_off"] and lost["told"] == "begun\n"
+    assert gpu_round.is_done(kept) and not gpu_round.is_done(lost) and not gpu_round.is_done(None)
 
 
 def test_a_stage_that_fails_is_told(tmp_path):
