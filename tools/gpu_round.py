@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools" / "gpu")]
 
-from round_page import html, markdown  # noqa: E402
+from round_page import failures, html, markdown  # noqa: E402
 from stages import stages_of  # noqa: E402
 
 from mpp_taichi.atomic_file import whole_text  # noqa: E402
@@ -60,9 +60,8 @@ def main(words=None):
         write(options.out, known)
     write(options.out, known)
     print(markdown(known))
-    failed = [name for name, result in known["stages"].items() if not result["good"]]
     print(f"wrote {options.out / 'round.json'}, {options.out / 'round.md'}, {options.out / 'round.html'}")
-    return NOT_HERE if not backends else int(bool(failed))
+    return NOT_HERE if not backends else int(bool(failures(known)))
 
 
 def is_done(result):
@@ -91,6 +90,8 @@ def known_results(options, backends):
 def run(stage, seconds):
     """The result of a stage: whether it went well, its time, the end of what it printed, and the data that it wrote."""
     began = time.monotonic()
+    if stage.file is not None:
+        stage.file.unlink(missing_ok=True)  # what an earlier call has left is no result of this call
     child = subprocess.Popen(
         stage.command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )

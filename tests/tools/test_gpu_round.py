@@ -56,6 +56,15 @@ def test_a_stage_that_takes_too_long_is_ended_and_keeps_what_it_wrote(tmp_path):
     assert gpu_round.is_done(kept) and not gpu_round.is_done(lost) and not gpu_round.is_done(None)
 
 
+def test_a_file_of_an_earlier_call_is_no_result(tmp_path):
+    """A stage that is cut off before it writes anything has not measured what an earlier program left in the folder."""
+    file = tmp_path / "part.json"
+    file.write_text("[2]", encoding="utf-8")
+    command = (sys.executable, "-c", "import time; time.sleep(60)")
+    result = gpu_round.run(Stage("long", "rates", command, 60.0, file, keeps_parts=True), 1.0)
+    assert result["data"] is None and not result["good"]
+
+
 def test_a_stage_that_fails_is_told(tmp_path):
     result = gpu_round.run(Stage("broken", "film", (sys.executable, "-c", "print('no'); raise SystemExit(7)"), 60.0), 30.0)
     known = {"began": "now", "stages": {"broken": result}, "missing": {"cuda": "no driver"}}
