@@ -45,7 +45,6 @@ def execute(arguments: argparse.Namespace) -> int:
 
     Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
-    from mpp_taichi.cli._check_in_parallel import check_at_once
     from mpp_taichi.cli._study_journal import went_on
     from mpp_taichi.cli._verdicts import Verdicts
     from mpp_taichi.worksheets.answers import is_answers
@@ -58,6 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
         if jobs == 1 or len(scenes) == 1:
             results = [verdicts.get(scene) or _check(scene, arguments, verdicts) for scene in scenes]
         else:
+            from mpp_taichi.cli._check_in_parallel import check_at_once
+
             results = check_at_once(scenes, jobs, arguments, _failure, verdicts)
     run = [result["exit_code"] for result in results if result["status"] != NOT_HERE]
     broken = [code for code in run if code not in (0, StabilityError.exit_code)]

@@ -28,8 +28,8 @@ class EnergyMeter:
         """Bind the parts."""
         self.state = state
         self.total_force = total_force
-        self._in_rows = in_rows(state, total_force)
-        self._rows: Any = None
+        self._rows = PairEnergy(total_force.pair_sum) if is_in_rows(state, total_force) else None
+        self._in_rows = self._rows is not None
 
     @ti.kernel
     def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
@@ -63,8 +63,7 @@ class EnergyMeter:
             return 0.0
         terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
         self._measure(time, terms)
-        if self._in_rows:
-            self._rows = self._rows or PairEnergy(self.total_force.pair_sum)
+        if self._rows is not None:
             self._rows.add_to(self.state, terms)
         terms = terms.astype(np.float64)
         if self.total_force.by_tree:
@@ -77,7 +76,7 @@ class EnergyMeter:
         return mechanics(kept, self.potential_energy(time))
 
 
-def in_rows(state: State, total_force: TotalForce) -> bool:
+def is_in_rows(state: State, total_force: TotalForce) -> bool:
     """Whether the energy of pairs is summed in rows of lanes: for many bodies on a CPU, of which none merge."""
     many = total_force.has_pairs and not total_force.by_tree and state.particle_count >= LEAST_COUNT
     return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.merges)

@@ -157,7 +157,8 @@ class Adaptive(Integrator):
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
         """Take one step from its start, and write its length and the length of the next step into `clock`.
 
-        Where none of `TRIES` tries is accurate enough, the length is 0, and the next length is that of the next try.
+        If `TRIES` tries in a row miss the accuracy, the step is not taken: its length in `clock` is 0, and the next length in
+        `clock` is the length that the next call tries first.
         """
 
     def iterations_of_step(self, particles: int, per_evaluation: int) -> int:
@@ -202,7 +203,7 @@ class Adaptive(Integrator):
 
     @ti.func
     def count(self, state: Template, r, which, amount):
-        """Add to a count of replica r. `+=` would be an atomic, which ends the loops of a thread on software Vulkan."""
+        """Add to a count of replica r. `+=` would be an atomic, with which software Vulkan leaves `advance_to` too early."""
         place = self.TALLY * r + which
         state.tally[place] = state.tally[place] + amount
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
+from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots
 from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
@@ -100,14 +100,11 @@ class PairEnergy:
         """The energies of body i with the bodies i + 1 … end − 1, pair by pair."""
         result = ti.cast(0.0, ti.f64)
         for j in range(i + 1, end):
-            squared = ti.cast(0.0, ti.f64)
-            for axis in ti.static(range(self.dimensions)):
-                way = self._coordinate(state, j, axis) - self._coordinate(state, i, axis)
-                squared += way * way
-            for group in ti.static(self.pairs.groups):
-                inverse = inverse_distance(squared, group.softening_squared)
-                for member in ti.static(group.members):
-                    result += member.force.potential(state, i, j, inverse)
+            way = [
+                self._coordinate(state, j, axis) - self._coordinate(state, i, axis)
+                for axis in ti.static(range(self.dimensions))
+            ]
+            result += self.pairs.potential_between(state, i, j, ti.Vector(way))
         return result
 
     @ti.func

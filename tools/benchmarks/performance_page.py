@@ -28,7 +28,6 @@ it on the backends of a CPU (`--backends cpu --short`). These commands compare b
     python -m mpp_taichi compare scenes/ring.yaml --backends cuda,vulkan,opencl --scaling
     python -m mpp_taichi compare scenes/cloth.yaml --backends cuda,vulkan,opencl --scaling
     python -m mpp_taichi accuracy scenes/cluster.yaml --backends cuda --precisions f64,ds,f32c,f32
-
 """
 
 

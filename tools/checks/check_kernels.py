@@ -100,7 +100,7 @@ def is_in_single(call: ast.Call) -> bool:
 
 
 def check_sums(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
-    """A sum into a field by `+=` is an atomic: slow in a loop over copies, and software Vulkan ends the loops of its thread."""
+    """A sum into a field by `+=` is an atomic: slow in a loop over copies, and software Vulkan may leave `while` too early."""
     for node in ast.walk(kernel):
         if isinstance(node, ast.AugAssign) and isinstance(node.op, ast.Add | ast.Sub) and is_field(node.target):
             yield f"{path}:{node.lineno}: `+=` on a field is an atomic; write field[i] = field[i] + value"

@@ -1,6 +1,7 @@
 """Families of a GPU round: a scene with any number of particles, the unit of its rate, and the work of a step."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 SOFTENING = 0.01
@@ -8,32 +9,6 @@ PACKING = 0.2  # part of the volume that spheres fill
 DT = 1e-6  # [time]: hardly anything moves, so that each step does the same work
 STAR, PLANET = 1.0, 1e-3
 REPLICA_FLOPS = 3 * 20.0 + 3 * 3 * 4.0  # three pairs by the convention of the table, and four operations for each coordinate
-
-
-@dataclass(frozen=True)
-class Family:
-    """One kind of scene. `copies`: the count is that of copies of one small scene, a thread for each.
-
-    unit       what a rate counts in a second
-    counts     the sizes, from the smallest on
-    precisions those in which the family is measured, on a device that has them
-    """
-
-    name: str
-    unit: str
-    counts: tuple[int, ...]
-    precisions: tuple[str, ...]
-    copies: bool = False
-
-    def scene(self, count):
-        """The scene as a mapping."""
-        return SCENES[self.name](count)
-
-    def amount(self, count):
-        """What a step of `count` particles or copies has of the unit."""
-        if self.name == "pairs":
-            return count * count
-        return springs_of(count) if self.name == "springs" else count
 
 
 def _cluster(count, **solver):
@@ -85,24 +60,40 @@ def _three_bodies(method):
     return scene
 
 
-SCENES = {
-    "pairs": _cluster,
-    "tree": lambda count: _cluster(count, solver="tree"),
-    "springs": _membrane,
-    "spheres": _spheres,
-    "replicas": _three_bodies("leapfrog"),
-    "adaptive": _three_bodies("ias15"),
-}
+@dataclass(frozen=True)
+class Family:
+    """One kind of scene. `copies`: the count is that of copies of one small scene, a thread for each.
+
+    unit       what a rate counts in a second
+    counts     the sizes, from the smallest on
+    precisions those in which the family is measured, on a device that has them
+    scene      the scene of a count, as a mapping
+    amount     what a step of a count has of the unit
+    """
+
+    name: str
+    unit: str
+    counts: tuple[int, ...]
+    precisions: tuple[str, ...]
+    scene: Callable
+    amount: Callable = lambda count: count
+    copies: bool = False
+
+
+def _from(least, sizes):
+    return tuple(least * 4**k for k in range(sizes))
+
+
 ALL = ("f32", "ds", "f64")
 TWO = ("f32", "f64")
 FAMILIES = {
     each.name: each
     for each in (
-        Family("pairs", "pair interactions/s", tuple(1024 * 4**k for k in range(7)), ALL),
-        Family("tree", "bodies/s", tuple(16_384 * 4**k for k in range(6)), TWO),
-        Family("springs", "springs/s", tuple(1024 * 4**k for k in range(8)), ALL),
-        Family("spheres", "sphere steps/s", tuple(1024 * 4**k for k in range(6)), TWO),
-        Family("replicas", "three-body steps/s", tuple(1024 * 4**k for k in range(6)), ALL, copies=True),
-        Family("adaptive", "steps of members/s", tuple(1024 * 4**k for k in range(4)), ("f64",), copies=True),
+        Family("pairs", "pair interactions/s", _from(1024, 7), ALL, _cluster, lambda count: count * count),
+        Family("tree", "bodies/s", _from(16_384, 6), TWO, lambda count: _cluster(count, solver="tree")),
+        Family("springs", "springs/s", _from(1024, 8), ALL, _membrane, springs_of),
+        Family("spheres", "sphere steps/s", _from(1024, 6), TWO, _spheres),
+        Family("replicas", "three-body steps/s", _from(1024, 6), ALL, _three_bodies("leapfrog"), copies=True),
+        Family("adaptive", "steps of members/s", _from(1024, 4), ("f64",), _three_bodies("ias15"), copies=True),
     )
 }

@@ -18,6 +18,7 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parent)]
 from families import FAMILIES, REPLICA_FLOPS  # noqa: E402
 
 from mpp_taichi import MppError, Simulation  # noqa: E402
+from mpp_taichi.compare.work import FLOPS, Work  # noqa: E402
 
 LAUNCHES = 200
 BLOCK = 0.1  # seconds that a block of steps takes at least
@@ -81,7 +82,7 @@ def measured(family, count, backend, precision, found):
 
 def taken(simulation):
     """Steps that an adaptive method has taken, over all copies; 0 for other methods."""
-    return int(simulation.integrator.counts(simulation.state)[:, 0].sum()) if hasattr(simulation.integrator, "counts") else 0
+    return simulation.phase.launcher.facts().get("step_control", {}).get("steps", 0)
 
 
 def steps_of_a_block(simulation):
@@ -135,15 +136,15 @@ def share(family, row, found, precision):
     Pairs count 20 flops each (30 in f64), as in NVIDIA's N-body sample; a three-body step REPLICA_FLOPS; the bytes of springs
     are those of `compare`. Double-single forces are of f32, and take more operations than are counted.
     """
+    kind = "f64" if precision == "f64" else "f32"
     if family.name == "pairs":
-        return row["rate"] * (30.0 if precision == "f64" else 20.0) / found["flops"]
+        return row["rate"] * FLOPS[kind] / found["flops"]
     if family.name == "replicas":
-        return row["rate"] * REPLICA_FLOPS * (1.5 if precision == "f64" else 1.0) / found["flops"]
+        return row["rate"] * REPLICA_FLOPS * FLOPS[kind] / FLOPS["f32"] / found["flops"]
     if family.name == "springs":
-        width = 8 if precision == "f64" else 4
-        springs, particles = family.amount(row["count"]), row["count"]
-        moved = 2 * springs * (4 + 2 * width) + particles * width * (10 + 2 * 9)
-        return moved / row["step_seconds"] / found["bytes"]
+        springs = family.amount(row["count"])
+        step = Work(row["count"], springs, interactions=0, evaluations=1, drifts=2, damped=False)  # of a leapfrog
+        return step.bytes(kind) / row["step_seconds"] / found["bytes"]
     return None
 
 

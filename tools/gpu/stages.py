@@ -82,7 +82,7 @@ def rates(backend, out, short):
 
 
 def film(backend, out, short):
-    """A film of the ring; its time is that of the whole command."""
+    """A film of `scenes/ring.yaml`; the time of the stage is the time of the whole command `record`."""
     words = ["record", "scenes/ring.yaml", "--backend", backend, "--video", out / f"ring-{backend}.mp4", "--fresh", "--quiet"]
     words += ["--duration", 0.2 if short else 4, *(["--size", "320x180"] if short else [])]
     return Stage(f"film on {backend}", "film", program(*words), 60.0)
