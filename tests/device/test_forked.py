@@ -7,7 +7,13 @@ from test_foreign_starts import run
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 
-FORK = """
+# Python from 3.12 on warns whenever a process with threads forks: these tests fork on purpose, and look at all other output.
+QUIET = """
+import warnings
+warnings.filterwarnings("ignore", ".*multi-threaded, use of fork.*", DeprecationWarning)
+"""
+
+FORK = QUIET + """
 import os, sys, time
 
 def child(call):
@@ -58,7 +64,7 @@ print(child(lambda: print(open_simulation().run(steps=2).step_count)))
 
 
 def test_a_pool_of_forked_processes_works_beside_an_open_simulation():
-    found = run("""
+    found = run(f"""{QUIET}
 import multiprocessing
 simulation = open_simulation().run(steps=2)
 with multiprocessing.get_context("fork").Pool(2) as pool:

@@ -15,15 +15,16 @@ def computed(backend):
     backends.start(backend, "f64")
     import taichi as ti
 
-    found = ti.field(ti.f64, (len(EXPONENTS), len(NUMBERS)))
+    count = len(NUMBERS)
+    found = ti.field(ti.f64, (len(EXPONENTS), count))
     grown, zeros = ti.field(ti.f64, 44), ti.field(ti.f64, 2)
-    given = ti.field(ti.f64, len(NUMBERS))
+    given = ti.field(ti.f64, count)
     given.from_numpy(NUMBERS)
 
     @ti.kernel
     def compute(zero: ti.f64):
-        for k in range(len(NUMBERS)):
-            for e in ti.static(range(len(EXPONENTS))):
+        for k in range(count):
+            for e in ti.static(range(4)):
                 found[e, k] = rough_power(given[k], EXPONENTS[e])
         for k in range(44):
             grown[k] = rough_exponential(ti.cast(k, ti.f64) - 40.0)

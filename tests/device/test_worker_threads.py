@@ -159,6 +159,7 @@ def test_two_threads_of_python_may_launch_at_once(threads):
     assert counted[0] == pow(3, LOOPS + 1, 1 << 64) or counted[0] == pow(3, LOOPS + 1, 1 << 64) - (1 << 64)
 
 
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
 @pytest.mark.parametrize("threads", [2], indirect=True)
 def test_a_forked_process_does_no_loops(threads):
     counted, count = counting()
