@@ -26,7 +26,8 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
-    *("Formula", "FormulaVector", "Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
+    *("Formula", "FormulaVector", "Law", "LawVector", "Numbers"),
+    *("Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
 )
 REQUIRED = object()
 
@@ -47,7 +48,7 @@ class Parameter:
     optional: bool = False  # absent means None
     strength: bool = False  # of a force: without it, where it is zero, there is no force
     slider: bool = False  # a number, or a vector, that formulas only calculate with: it may be moved while a scene runs
-    names: tuple[str, ...] = ()  # per-particle names that a Formula may use
+    names: tuple[str, ...] = ()  # names that a Formula or a Law may use
 
 
 @dataclass(frozen=True)
@@ -279,6 +280,9 @@ Vector = tuple  # three numbers
 Color = tuple  # red, green, blue in 0…1
 Formula = Any  # number, or an expression over per-particle names, evaluated by the generator
 FormulaVector = tuple  # three Formulas
+Law = str  # formula of a force, over `names`, the numbers of the force, and the constants of the scene
+LawVector = tuple  # a Law for each axis
+Numbers = dict  # numbers by the names that a Law gives them
 Particle = int  # index of a particle, given as an index or a name
 Particles = tuple  # a particle or a whole group: first index, count; given by index or name
 Pair = tuple  # two different Particles

@@ -23,6 +23,7 @@ PACKAGES = {
     "PIL": "pillow",
     "imageio_ffmpeg": "imageio-ffmpeg",
     "pyopencl": "pyopencl",
+    "sympy": "sympy",
 }
 PROJECT = Path(__file__).parents[1]
 PROGRAM_INSIDE = ("Scripts", "python.exe") if os.name == "nt" else ("bin", "python")

@@ -109,6 +109,14 @@ def both_parts(state, high, low, i):
 
 
 @traced
+def position_seen(state, i):
+    """x_i as forces on a single particle see it."""
+    if in_two_parts(state):
+        return both_parts(state, state.position, state.position_low, i)
+    return ti.lang.impl.subscript(None, state.position, i)
+
+
+@traced
 def velocity_seen(state, i):
     """v_i as forces see it."""
     if in_two_parts(state) and state.velocity_has_low:

@@ -27,7 +27,10 @@ class Force:
     proportional_to_mass = False  # the acceleration does not depend on the particle's own mass, which may be 0
     proportional_to_charge = False  # acts between charged particles only
     singular_at_zero_distance = False  # infinite between particles at one place, unless a `softening` is above 0
+    has_functions: tuple[str, ...] = ()  # exponentials, say, which Vulkan has in f32 only
+    is_formula = False  # has its law from a formula (scene/formulas/)
     takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
+    takes_low_parts = True  # and in df64; double-single numbers have no exponentials, say, and no time
     has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own
 
 
@@ -71,6 +74,8 @@ class PairForce(Force):
     share the inverse distance that the loop computes. By Newton's third law m_i r_i s_j = m_j r_j s_i.
     """
 
+    takes_lanes: bool | None = None  # whether `shape` may get a whole vector; None: to be read from its source text
+    derivatives_take_lanes: bool | None = None  # the same of `slope` and `curvature`
     softening = 0.0
     solver = "direct"  # how the force is summed: a row of `SOLVERS` in _pair_solver.py
 

@@ -1,7 +1,7 @@
 """TotalForce: the sum of the forces of a scene, and the only owner of the loops over particles and springs."""
 
 import copy
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import taichi as ti
@@ -17,7 +17,8 @@ from mpp_taichi.arithmetic.particle_update import velocity_seen, wide_velocity
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.formulas.laws import PREFIX, live_names
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
@@ -29,7 +30,7 @@ ROW_LANES = 1 << ROW_LANE_BITS
 
 def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
     """Import and build the forces that a scene names, and the force of its springs where it has springs."""
-    forces = [component.build("forces", entry.name, entry.parameters) for entry in spec.forces]
+    forces = [built(entry) for entry in spec.forces]
     if len(snapshot.springs):
         damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
         damping = spec.spring_damping if damped else "none"
@@ -37,6 +38,15 @@ def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
             component.build("forces", name, {"damping": damping}) for name in component.marked("forces", "acts_on_springs")
         ]
     return tuple(forces)
+
+
+def built(entry: ComponentSpec) -> Force:
+    """The force of an entry, with its law where the force is a formula."""
+    plain = {name: value for name, value in entry.parameters.items() if not name.startswith(PREFIX)}
+    force: Any = component.build("forces", entry.name, plain)
+    if entry.law is not None:
+        force.bind(entry.law, {name: at for name, at in live_names(entry).items() if name in entry.law.live})
+    return cast(Force, force)
 
 
 @ti.data_oriented

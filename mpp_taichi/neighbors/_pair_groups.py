@@ -12,7 +12,8 @@ class GroupMember:
     def __init__(self, index: int, force: Any) -> None:
         self.index = index
         self.force = force
-        self.elementwise = is_elementwise(type(force).shape)
+        known = getattr(force, "takes_lanes", None)
+        self.elementwise = is_elementwise(type(force).shape) if known is None else known
 
 
 class SofteningGroup:

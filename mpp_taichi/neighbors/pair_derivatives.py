@@ -24,6 +24,12 @@ from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
 
 
+def _derivatives_take_lanes(force: Any) -> bool:
+    """Whether slope and curvature of a force may get a vector of lanes in place of a number."""
+    known = getattr(force, "derivatives_take_lanes", None)
+    return known if known is not None else is_elementwise(type(force).slope) and is_elementwise(type(force).curvature)
+
+
 @ti.data_oriented
 class PairDerivatives:
     """Direct sum over all pairs of accelerations and one or two of their derivatives in time; O(N²).
@@ -44,8 +50,7 @@ class PairDerivatives:
         self.groups, self.members = pairs.groups, pairs.members
         # A tile holds a body in each lane and reads all other bodies once. For few bodies the lanes are not worth the work.
         self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
-        formulas = [getattr(type(m.force), name) for m in self.members for name in ("slope", "curvature")]
-        self.elementwise = all(m.elementwise for m in self.members) and all(is_elementwise(f) for f in formulas)
+        self.elementwise = all(m.elementwise and _derivatives_take_lanes(m.force) for m in self.members)
         self.longest_loop = pairs.longest_loop
         self._checked_state: Any = None
 

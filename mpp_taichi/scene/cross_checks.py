@@ -19,10 +19,11 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
     check_tree(spec, faults)
-    names = [entry.name for entry in spec.forces]
+    names = [entry.label for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
-        if entry.name in names[:number]:
-            faults.add(entry.location, f"forces[{number}]", f"{entry.name} is in the list already, allowed: once")
+        if entry.label in names[:number]:
+            cure = "; give each a name: of its own" if "name" in entry.parameters else ""
+            faults.add(entry.location, f"forces[{number}]", f"{entry.label} is in the list already, allowed: once{cure}")
         if not any(entry.parameters.get("direction", (1.0,))):
             faults.add(entry.location, f"forces[{number}].{entry.name}.direction", "must not be [0, 0, 0]")
 

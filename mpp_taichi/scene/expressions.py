@@ -1,6 +1,7 @@
 """Expressions in a scene, such as `sqrt(k2 / r)`: a small arithmetic, read with `ast` and walked, never executed as Python.
 
-Allowed are numbers (all taken as floats), names, + - * / // % **, signs and parentheses, and the functions of FUNCTIONS.
+Allowed are numbers (all taken as floats), names, + - * / // % and ** or ^ for a power, signs and parentheses, and the functions
+of FUNCTIONS.
 Whatever does not give a real number (1/0, sqrt(-1), overflow) is an error at the column where it happens.
 """
 
@@ -10,7 +11,7 @@ import operator
 import re
 import sys
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -142,21 +143,29 @@ def parse(text: str) -> Expression:
             )
     padding = len(text) - len(text.lstrip())
     flat = text.replace("\n", " ").replace("\t", " ")
+    powers = [place for place, character in enumerate(flat) if character == "^"]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            tree = ast.parse(flat.lstrip(), mode="eval").body
+            tree = ast.parse(flat.lstrip().replace("^", "**"), mode="eval").body
     except SyntaxError as error:
-        column = min(max((error.offset or 1) - 1, 0), max(len(text) - padding - 1, 0))
+        written = _as_written(max((error.offset or 1) - 1, 0), [place - padding for place in powers])
+        column = min(written, max(len(text) - padding - 1, 0))
         raise ExpressionError(_not_an_expression(text), column + padding) from None
     except (ValueError, RecursionError, MemoryError, OverflowError):
         raise ExpressionError(f"{shown(text)} is neither a number nor an expression") from None
+    before = [len(flat[:place].lstrip().encode()) for place in powers]  # `ast` counts bytes
     for node in ast.walk(tree):  # columns as in the text itself
         if hasattr(node, "col_offset"):
-            node.col_offset += padding
+            node.col_offset = _as_written(node.col_offset, before) + padding
     expression = Expression(flat, tree)
     _check(expression)
     return expression
+
+
+def _as_written(column: int, powers: Sequence[int]) -> int:
+    """The column in a text with ^ at these columns, of a column in the text with ** in their place."""
+    return column - sum(place + number < column for number, place in enumerate(powers))
 
 
 def _known_names(name: str, known: Collection[str]) -> str:
@@ -222,12 +231,12 @@ def _refusal(node: ast.AST, functions: set[int]) -> str:
             return f"{node.func.id} takes {fewest if fewest == most else 'one or more'} number(s), not {len(node.args)}"
     elif isinstance(node, ast.BinOp):
         if type(node.op) not in _BINARY:
-            return "this operator is not allowed" + ("; a power is **" if isinstance(node.op, ast.BitXor) else "")
+            return "this operator is not allowed"
     elif isinstance(node, ast.UnaryOp):
         if type(node.op) not in _UNARY:
             return "this operator is not allowed"
     elif not isinstance(node, (ast.operator, ast.unaryop, ast.expr_context)):
-        return "only numbers, names, + - * / // % ** and functions are allowed in an expression"
+        return "only numbers, names, + - * / // % ** ^ and functions are allowed in an expression"
     return ""
 
 

@@ -29,7 +29,7 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         return
     known = [name for name in component.names("forces") if any(component.flag("forces", name, each) for each in made_for)]
     reason = spec.integrator.flag("integrators", "made_for_reason")
-    others = [force.name for force in spec.forces if force.name not in known] + (["springs"] if spec.springs else [])
+    others = [force.label for force in spec.forces if force.name not in known] + (["springs"] if spec.springs else [])
     attractions = spec.forces_with("gravitates")
     if others:
         faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(others)}")
@@ -49,9 +49,9 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
     other steps, and differs by rounding.
     """
     wants = component.declaration("integrators", integrator).flags
-    forces = {force.name: component.declaration("forces", force.name).flags for force in spec.forces}
     if wants.get("needs_derivatives"):
-        without = [n for n, says in forces.items() if not (says.get("has_derivatives") or says.get("depends_on_velocity"))]
+        jerks = ("has_derivatives", "depends_on_velocity")
+        without = [force.label for force in spec.forces if not any(force.flag("forces", key) for key in jerks)]
         if without:
             on_springs = component.marked("forces", "acts_on_springs")
             allowed = [name for name in component.marked("forces", "has_derivatives") if name not in on_springs]
@@ -59,7 +59,7 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
                 f"needs the derivative of every force, which {', '.join(without)} lacks, allowed: {', '.join(allowed)}, springs"
             )
     if not wants.get("takes_time", True):
-        timed = [name for name, says in forces.items() if says.get("depends_on_time")]
+        timed = [force.label for force in spec.forces_with("depends_on_time")]
         if timed:
             return f"goes back bit for bit only with forces of positions, not with {', '.join(timed)}, which depends on time"
     return ""

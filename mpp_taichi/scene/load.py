@@ -33,6 +33,7 @@ from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
 from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
+from mpp_taichi.scene.formulas import laws
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
 from mpp_taichi.scene.named_numbers import named_numbers
@@ -172,7 +173,7 @@ def _specification(
     resolved: dict[str, Any],
 ) -> SceneSpec:
     gravity = context.constants.get("G", 1.0) if validated.units else 1.0
-    forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
+    forces = tuple(_with_gravity(entry, gravity) for entry in _forces(validated, tree, faults))
     spec = SceneSpec(
         source=name,
         title=validated.title,
@@ -230,6 +231,15 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
 def _entries(validated: Sequence[BaseModel], tree: Node, key: str) -> tuple[ComponentSpec, ...]:
     node = tree.get(key)
     return tuple(_entry(entry, place) for entry, place in zip(validated, node.value if node else (), strict=True))
+
+
+def _forces(validated: Any, tree: Node, faults: Faults) -> list[ComponentSpec]:
+    """The forces, with the laws of those that are formulas checked."""
+    entries = _entries(validated.forces, tree, "forces")
+    spread = [replace(entry, parameters=laws.spread(entry.name, entry.parameters)) for entry in entries]
+    laws.check(spread, tree, faults)
+    faults.raise_if_any()
+    return spread
 
 
 def _entry(entry: BaseModel, node: Node) -> ComponentSpec:

@@ -2,8 +2,8 @@
 
 from mpp_taichi import component
 
-PAIR_CLASSES = ("PairForce", "InverseSquareForce")
-"""Base classes of these forces, in `forces/_base.py` and `forces/_inverse_square.py`."""
+PAIR_CLASSES = ("PairForce", "InverseSquareForce", "FormulaPair")
+"""Base classes of these forces, in `forces/_base.py`, `_inverse_square.py` and `_formula.py`."""
 
 
 def is_pair_force(name: str) -> bool:

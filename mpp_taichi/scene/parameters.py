@@ -10,6 +10,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
+from mpp_taichi.scene.formulas.fields import LawText, LawVector, Numbers
 from mpp_taichi.scene.points import Points
 
 STRICT = ConfigDict(defer_build=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
@@ -29,6 +30,9 @@ def field_of(parameter: Parameter) -> Field:
         "Shape": fields.Counts,
         "Formula": lambda: fields.PerParticle(tuple(parameter.names)),
         "FormulaVector": lambda: fields.InSpace(fields.PerParticle(tuple(parameter.names))),
+        "Law": lambda: LawText(tuple(parameter.names), parameter.optional),
+        "LawVector": lambda: LawVector(tuple(parameter.names)),
+        "Numbers": Numbers,
         "Particle": fields.Reference,
         "Particles": fields.Reference,
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),

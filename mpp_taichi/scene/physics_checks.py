@@ -8,6 +8,7 @@ from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.acting import is_switched_off
 from mpp_taichi.scene.faults import FAULTS_SHOWN
+from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
@@ -23,7 +24,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, _formulas)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -132,6 +133,14 @@ def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -
                 else f": {entry.name} is infinite there"
             )
             yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere{cure}")
+
+
+def _formulas(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Formulas that have no value where particles are."""
+    if any(is_formula(entry.name) for entry in spec.forces):
+        from mpp_taichi.scene.formula_checks import formula_faults  # only where a formula stands in the scene
+
+        yield from formula_faults(spec, snapshot, layout)
 
 
 def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

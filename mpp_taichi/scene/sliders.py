@@ -10,6 +10,7 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides
 from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.formulas.laws import movable
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, Location, SceneSpec, SliderSpec, SliderTarget
 from mpp_taichi.wording.told_apart import told_apart
@@ -47,7 +48,7 @@ def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) ->
 def _marked(entry: ComponentSpec, sliders: Sequence[SliderSpec]) -> ComponentSpec:
     """A force with the names of its parameters that sliders move."""
     targets = [target for slider in sliders for target in slider.targets]
-    moved = {target.parameter for target in targets if (target.kind, target.entry) == ("forces", entry.name)}
+    moved = {target.parameter for target in targets if (target.kind, target.entry) == ("forces", entry.label)}
     return replace(entry, live=tuple(sorted(moved)))
 
 
@@ -102,6 +103,8 @@ def _ends(spec: SceneSpec, target: SliderTarget, value: float, logarithmic: bool
 
 def _declared(spec: SceneSpec, target: SliderTarget) -> component.Parameter:
     name = entry_of(spec, target).name
+    if target.kind == "forces":
+        return next(each for each in movable(entry_of(spec, target)) if each.name == target.parameter)
     parameters = component.declaration(FOLDERS[target.kind], name).parameters
     return next(each for each in parameters if each.name == target.parameter)
 
@@ -109,14 +112,15 @@ def _declared(spec: SceneSpec, target: SliderTarget) -> component.Parameter:
 def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str, tuple[SliderTarget, ...]]]:
     """Every path that a slider of this scene may have, with its targets."""
     method = component.declaration("integrators", spec.integrator.name)
-    for entry in spec.forces if _forces_may_move(spec, method) else ():
-        for each in component.declaration("forces", entry.name).parameters:
-            if each.slider and each.type == "Vector":
+    names = [entry.name for entry in spec.forces]
+    for number, entry in enumerate(spec.forces) if _forces_may_move(spec, method) else ():
+        root = f"forces.{entry.name}" if names.count(entry.name) == 1 else f"forces[{number}].{entry.name}"
+        for each in movable(entry):
+            if each.type == "Vector":
                 for axis in range(spec.dimensions):
-                    path = f"forces.{entry.name}.{each.name}[{axis}]"
-                    yield path, (SliderTarget("forces", entry.name, each.name, axis),)
-            elif each.slider:
-                yield f"forces.{entry.name}.{each.name}", (SliderTarget("forces", entry.name, each.name, None),)
+                    yield f"{root}.{each.name}[{axis}]", (SliderTarget("forces", entry.label, each.name, axis),)
+            else:
+                yield f"{root}.{each.name}", (SliderTarget("forces", entry.label, each.name, None),)
     for number, entry in enumerate(spec.springs):
         for each in component.declaration("networks", entry.name).parameters:
             if each.slider:
@@ -194,7 +198,7 @@ def entry_of(spec: SceneSpec, target: SliderTarget) -> ComponentSpec:
         return spec.integrator
     if isinstance(target.entry, int):
         return spec.springs[target.entry]
-    return next(entry for entry in spec.forces if entry.name == target.entry)
+    return next(entry for entry in spec.forces if entry.label == target.entry)
 
 
 def value_of(spec: SceneSpec, target: SliderTarget) -> float | None:

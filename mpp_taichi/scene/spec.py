@@ -1,6 +1,7 @@
 """SceneSpec: the immutable, checked description of a scene. Pure Python; no device, no Taichi."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
@@ -8,6 +9,7 @@ from pydantic import ConfigDict, Field
 from mpp_taichi import component
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.fields import Counts, ListOf, Number, Reference, Settings, Text, Whole
+from mpp_taichi.scene.formulas.laws import law_of
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.target import TargetSpec
 from mpp_taichi.scene.view_spec import CameraSpec as CameraSpec
@@ -45,8 +47,23 @@ class ComponentSpec:
     location: Location
     live: tuple[str, ...] = ()  # parameters that sliders move while kernels run
 
+    @property
+    def label(self) -> str:
+        """The name of a force in messages, which differs for each force of a scene."""
+        return str(self.parameters.get("name") or self.name)
+
+    @cached_property
+    def law(self) -> Any:
+        """The law of a force that is a formula, else None."""
+        return law_of(self)
+
     def flag(self, kind: str, key: str) -> Any:
-        """The literal value that the component, of this kind, gives to an attribute; None where it gives none."""
+        """The literal value that the component, of this kind, gives to an attribute; None where it gives none.
+
+        A force that is a formula says what follows from the formula.
+        """
+        if kind == "forces" and self.law is not None and key in self.law.flags:
+            return self.law.flags[key]
         return component.flag(kind, self.name, key)
 
 
@@ -297,7 +314,7 @@ class SceneSpec:
 
     def effects(self, spring_count: int) -> list[str]:
         """The names of all effects: forces, springs where the scene has some, contacts and walls."""
-        names = [entry.name for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
+        names = [entry.label for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
         names += list(dict.fromkeys(entry.name for _, entry in self.rigid_entries))
         contacts = ["hard_spheres"] if self.contacts is not None else []
         return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

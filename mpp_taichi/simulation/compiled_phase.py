@@ -136,7 +136,7 @@ class CompiledPhase:
             refusals.check_low_parts(spec, integrator, self.total_force.forces, device.precision)
             refusals.check_range(start, self.total_force, device.precision)
             scratch_count += integrator.low_scratch_count() * (2 if forces_have_low_parts(device.precision) else 1)
-            fields = {**fields, "step_parts": ("pair", len(integrator.step_numbers(1.0)))}
+            fields = {**fields, "step_parts": ("vector2", len(integrator.step_numbers(1.0)))}
         if self.total_force.has_rods:
             fields = {**fields, **self.total_force.rods.work_fields()}
         solver = self._contact_solver(event_log) if spec.contacts is not None else None

@@ -29,7 +29,7 @@ from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.wording.told_apart import told_apart
 
-NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
+NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "vector2": 2, "wide_vector2": 2, "vector4": 4, "vector8": 8}
 """Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
 
 MOST_COPIES = 600  # of a system, one for each direction of its derivative
@@ -69,16 +69,17 @@ def check_rods(spec: SceneSpec, device: Device) -> None:
 
 
 def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
-    """Refuse forces with a sine under f64 on Vulkan, whose kernels have the sine in f32 only.
+    """Refuse forces with sines or exponentials under f64 on Vulkan, whose kernels have such functions in f32 only.
 
     Raises:
         PrecisionError: such a force is there.
     """
+    if device.backend != "vulkan" or device.precision != "f64":
+        return
     for entry, force in zip(spec.forces, forces):
-        if force.takes_sine and device.backend == "vulkan" and device.precision == "f64":
-            raise PrecisionError(
-                f"{entry.name} takes a sine, which vulkan has only in f32; use --precision f32 or --backend cpu"
-            )
+        if force.takes_sine or force.has_functions:
+            what = f"calls {', '.join(force.has_functions)}" if force.has_functions else "takes a sine"
+            raise PrecisionError(f"{entry.label} {what}, which vulkan has only in f32; use --precision f32 or --backend cpu")
 
 
 def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str) -> None:
@@ -95,8 +96,9 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
     if tree_of(spec) is not None and forces_see_low_parts(precision):
         refused = "newtonian_gravity with solver: tree"
     if forces_have_low_parts(precision):
-        names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
-        named = [name for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
+        names = [*(entry.label for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
+        carries = [force.takes_any_numbers and force.takes_low_parts for force in forces]
+        named = [name for name, carried in zip(names, carries, strict=True) if not carried]
         refused = f"the force {named[0]}" if named and refused is None else refused
     if refused:
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
@@ -110,7 +112,7 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         BackendError: the parallel plan is asked for.
         CapacityError: a quantity needs more copies of the system than MOST_COPIES.
     """
-    names = [*(entry.name for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
+    names = [*(entry.label for entry in spec.forces), *["of springs"] * (len(forces) - len(spec.forces))]
     reasons = [f"the force {name} does" for name, force in zip(names, forces, strict=True) if not force.takes_any_numbers]
     carries = spec.contacts is not None and component.flag("contacts", spec.contacts.solver.name, "takes_tangent")
     if not (integrator.takes_any_numbers or integrator.takes_tangent or carries):

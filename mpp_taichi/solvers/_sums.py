@@ -10,7 +10,11 @@ CHUNK = 256  # terms that one thread adds up
 def sum_fields(particle_count: int) -> dict[str, tuple[str, int]]:
     """Kind and count of the fields that the sums need."""
     chunks = -(-particle_count // CHUNK)
-    return {"terms": ("wide_pair", particle_count), "term_chunks": ("wide_pair", chunks), "term_total": ("wide_pair", 1)}
+    return {
+        "terms": ("wide_vector2", particle_count),
+        "term_chunks": ("wide_vector2", chunks),
+        "term_total": ("wide_vector2", 1),
+    }
 
 
 @ti.func

@@ -13,6 +13,7 @@ from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
 from mpp_taichi.scene.contacts import merges
+from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
@@ -42,9 +43,17 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     check_rods(spec, snapshot, layout, moved=placed_as is not None)
     if placed_as is None:
         warn_of_networks(spec, snapshot, layout)
+        _warn_of_formulas(spec)
         if spec.contacts is not None:
             snapshot = start_of_contacts(spec, snapshot, layout)
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
+
+
+def _warn_of_formulas(spec: SceneSpec) -> None:
+    if any(is_formula(entry.name) for entry in spec.forces):
+        from mpp_taichi.scene.formula_checks import warn_of_kinks  # with SymPy, only where there is a formula
+
+        warn_of_kinks(spec)
 
 
 def springs_of(spec: SceneSpec) -> Springs:

@@ -59,9 +59,9 @@ def field_of_kind(kind: str, dimensions: int, wide: Any) -> Any:
         "scalar": lambda: ti.field(float),
         "index": lambda: ti.field(ti.i32),
         "lattice": lambda: ti.Vector.field(dimensions, ti.i64),
-        "pair": lambda: ti.Vector.field(2, float),
+        "vector2": lambda: ti.Vector.field(2, float),
         "wide": lambda: ti.field(wide),
-        "wide_pair": lambda: ti.Vector.field(2, wide),
+        "wide_vector2": lambda: ti.Vector.field(2, wide),
     }
     return made[kind]()
 

@@ -41,7 +41,7 @@ class LiveParameters:
         count = 0
         for entry in entries:
             for name in entry.live:
-                self._places[entry.name, name] = count
+                self._places[entry.label, name] = count
                 count += COMPONENTS
         self._values = np.zeros((replica_count, count))
         self.forces = tuple(forces)
@@ -64,8 +64,8 @@ class LiveParameters:
             return
         for entry in rows[0]:
             for name in entry.live:
-                place = self._places[entry.name, name]
-                own = [next(each for each in row if each.name == entry.name).parameters[name] for row in rows]
+                place = self._places[entry.label, name]
+                own = [next(each for each in row if each.label == entry.label).parameters[name] for row in rows]
                 numbers = np.array([value if isinstance(value, tuple) else (value,) for value in own], np.float64)
                 self._values[:, place : place + numbers.shape[1]] = numbers
         values = self._values.ravel()
@@ -87,7 +87,7 @@ class LiveParameters:
         """The force with a property in place of each live parameter."""
         if not entry.live:
             return force
-        loads = {name: self._property(self._places[entry.name, name], entry.parameters[name]) for name in entry.live}
+        loads = {name: self._property(self._places[entry.label, name], entry.parameters[name]) for name in entry.live}
         return _with_properties(force, loads)
 
     def _property(self, place: int, example: Any) -> property:

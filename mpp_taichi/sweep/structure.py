@@ -9,6 +9,7 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.contacts.events.grid import Grid
+from mpp_taichi.scene.formulas.laws import movable
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
@@ -22,29 +23,28 @@ SHARED_ARRAYS = ("radius", "free", "color")
 def with_own(spec: SceneSpec, own: Own) -> SceneSpec:
     """The scene whose forces load the parameters in `own` from a field, so that each replica can have its own values."""
     names = {force: tuple(sorted(parameter for name, parameter in own if name == force)) for force, _ in own}
-    return replace(spec, forces=tuple(replace(entry, live=names.get(entry.name, ())) for entry in spec.forces))
+    return replace(spec, forces=tuple(replace(entry, live=names.get(entry.label, ())) for entry in spec.forces))
 
 
 def own_of(specs: Sequence[SceneSpec]) -> Own:
     """The parameters of forces, (force, parameter), in which these scenes differ, and which a kernel can load from a field."""
     found = set()
     for entry in specs[0].forces if _takes_own(specs[0]) else ():
-        loadable = {each.name for each in component.declaration("forces", entry.name).parameters if each.slider}
-        for name in loadable:
-            values = [_value(spec, entry.name, name) for spec in specs]
+        for name in (each.name for each in movable(entry)):
+            values = [_value(spec, entry.label, name) for spec in specs]
             if any(value is not None and value != values[0] for value in values):
-                found.add((entry.name, name))
+                found.add((entry.label, name))
     return frozenset(found)
 
 
 def _takes_own(spec: SceneSpec) -> bool:
-    names = [entry.name for entry in spec.forces]
+    names = [entry.label for entry in spec.forces]
     takes = component.flag("integrators", spec.integrator.name, "takes_sliders", True)
     return bool(takes) and len(set(names)) == len(names)
 
 
 def _value(spec: SceneSpec, force: str, parameter: str) -> Any:
-    return next((entry.parameters.get(parameter) for entry in spec.forces if entry.name == force), None)
+    return next((entry.parameters.get(parameter) for entry in spec.forces if entry.label == force), None)
 
 
 def key_of(spec: SceneSpec, start: Snapshot, own: Own = frozenset()) -> Hashable:
@@ -54,7 +54,7 @@ def key_of(spec: SceneSpec, start: Snapshot, own: Own = frozenset()) -> Hashable
     """
     entries = []
     for kind, entry in _entries(spec):
-        told = {name: value for name, value in entry.parameters.items() if kind != "forces" or (entry.name, name) not in own}
+        told = {name: value for name, value in entry.parameters.items() if kind != "forces" or (entry.label, name) not in own}
         entries.append((kind, entry.name, _told(told)))
     arrays = [getattr(start, name) for name in SHARED_ARRAYS]
     arrays += [start.springs.between, np.array([bool((start.springs.damping != 0.0).any())])]

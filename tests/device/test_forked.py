@@ -13,7 +13,9 @@ import warnings
 warnings.filterwarnings("ignore", ".*multi-threaded, use of fork.*", DeprecationWarning)
 """
 
-FORK = QUIET + """
+FORK = (
+    QUIET
+    + """
 import os, sys, time
 
 def child(call):
@@ -40,6 +42,7 @@ def refused(*calls):
         except mpp.MppError as error:
             print("fork" in str(error) and "\\n" not in str(error))
 """
+)
 
 
 @pytest.mark.sampled(3)

@@ -5,7 +5,10 @@ import taichi as ti
 
 from mpp_taichi import component
 from mpp_taichi.energy.energy_meter import EnergyMeter, PowerMeter
-from mpp_taichi.forces._total_force import TotalForce
+from mpp_taichi.forces._total_force import TotalForce, built
+from mpp_taichi.scene.formulas.fields import FormulaText
+from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.spec import ComponentSpec
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.state.state import State
 from mpp_taichi.state.vector_layout import VectorLayout
@@ -45,14 +48,23 @@ def random_snapshot(count=5, *, seed=3, dimensions=3, masses=True):
     return snapshot_of(position, velocity=velocity, mass=mass, charge=random.uniform(-1, 1, count), springs=springs)
 
 
-def build_force(name):
+FORMULAS = {
+    "pair": {"potential": "0.7*m1*m2*q1*q2*exp(-r/2)*(1/r + r^2)"},
+    "external": {"potential": "m*(0.7*x^2 + 0.3*x*y^2 + sin(y)) + q*r"},
+}
+"""A formula for each force that has none of its own."""
+
+
+def build_force(name, dimensions=3):
     """An instance with every parameter that has no default set to 0.7, or to a vector of that size."""
     from mpp_taichi.component import REQUIRED
 
     values = {"float": 0.7, "Vector": (0.7, -0.6, 0.5)}
     declared = component.declaration("forces", name).parameters
     parameters = {p.name: values.get(p.type) for p in declared if p.default is REQUIRED or p.optional}
-    return component.build("forces", name, parameters)
+    parameters |= {key: FormulaText(text, {}, dimensions) for key, text in FORMULAS.get(name, {}).items()}
+    given = {p.name: p.default for p in declared if p.default is not REQUIRED and p.type != "Numbers"} | parameters
+    return built(ComponentSpec(name, given, Location("a test", 1, 1)))
 
 
 @ti.data_oriented

@@ -1,0 +1,137 @@
+"""Checks of formulas where particles are at the start: values that are no numbers, and derivatives that are no slopes.
+
+The derivative of each formula is compared with a difference of the formula, of fourth order in the width h. With h = ε^(1/5) r
+the error of the difference, of truncation and of rounding alike, is some ε^(4/5) of the size of its terms; SLOPE_ERROR allows
+for large fifth derivatives. Where the difference over 2 h differs by more, the formula has a kink or a pole nearby.
+"""
+
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.scene.expressions import parse
+from mpp_taichi.scene.formulas.grammar import kinks
+from mpp_taichi.scene.formulas.laws import is_formula, live_names, texts_of
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import Location, SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+log = logging.getLogger(__name__)
+PARTICLES_TRIED = 600  # of more, an even selection
+DISTANCES_TRIED = 64
+SPAN = 3.0  # distances from a third of the smallest to three times the largest of the start
+WIDTH = np.finfo(float).eps ** 0.2
+SLOPE_ERROR = 1e-7
+Fault = tuple[Location, str]
+
+
+def formula_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """The first place at which each formula of a scene is no number, or has a derivative that is not its slope."""
+    for entry in spec.forces:
+        if is_formula(entry.name):
+            check = _pair_faults if hasattr(entry.law, "shape") else _field_faults
+            with np.errstate(all="ignore"):  # what is no number is looked for
+                found = next(check(entry, snapshot, layout), None)
+            if found is not None:
+                yield found
+
+
+def warn_of_kinks(spec: SceneSpec) -> None:
+    """Log a warning for each formula with a function that has a kink, where a step loses accuracy."""
+    for entry in spec.forces:
+        for text in texts_of(entry) if is_formula(entry.name) else ():
+            for name, character in kinks(parse(text)):
+                place = replace(text.place, column=text.place.column + character) if text.place.column else text.place
+                log.warning("%s: %s: %s has a kink, at which a step loses its order", place, entry.label, name)
+
+
+def chosen(count: int) -> np.ndarray:
+    """The particles whose pairs are tried."""
+    if count <= PARTICLES_TRIED:
+        return np.arange(count)
+    return np.unique(np.linspace(0, count - 1, PARTICLES_TRIED).astype(int))
+
+
+def distances(entry: Any, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First and second particle of pairs at the start, and the distances ρ of these pairs that the formula sees."""
+    which = chosen(snapshot.particle_count)
+    first, second = (which[each] for each in np.triu_indices(len(which), 1))
+    apart = snapshot.position[second] - snapshot.position[first]
+    squared = np.sum(apart * apart, axis=1) + entry.parameters.get("softening", 0.0) ** 2
+    seen = np.flatnonzero(squared > 0.0)
+    return first[seen], second[seen], np.sqrt(squared[seen])
+
+
+def values_of(entry: Any) -> dict[str, float]:
+    """The numbers that a formula takes for its live names at the start."""
+    return {name: entry.parameters[at] for name, at in live_names(entry).items() if name in entry.law.live}
+
+
+def _pair_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    first, second, distance = distances(entry, snapshot)
+    if not len(distance):
+        return
+    law, values, place = entry.law, values_of(entry), place_of(entry)
+    energy, shape = law.energy_at(distance, values), law.shape_at(distance, values)
+    bad = np.flatnonzero(~(np.isfinite(energy) & np.isfinite(shape) & np.ones(len(distance), bool)))
+    if len(bad):
+        k = int(bad[0])
+        ends = f"{layout.label(int(first[k]))} and {layout.label(int(second[k]))}"
+        what = "V" if not np.isfinite(np.broadcast_to(energy, distance.shape)[k]) else "the force"
+        yield place, f"{entry.label}: {what} is no number at r = {distance[k]:.6g}, the distance of {ends} at the start"
+        return
+    tried = np.geomspace(distance.min() / SPAN, distance.max() * SPAN, DISTANCES_TRIED)
+    wrong = _wrong_slopes(lambda r: law.energy_at(r, values), law.shape_at(tried, values) * tried, tried, tried)
+    if len(wrong):
+        yield place, f"{entry.label}: the force at r = {tried[wrong[0]]:.6g} is not the slope of V there; please report it"
+
+
+def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    which, law = chosen(snapshot.particle_count), entry.law
+    which = which[np.any(snapshot.free[which], axis=1)]
+    if not len(which):
+        return
+    given = field_values(entry, snapshot, which)
+    rates, energy = law.numbers(law.acceleration, given), law.numbers(law.energy, given)[0]
+    bad = np.flatnonzero(~np.logical_and.reduce([np.isfinite(each) & np.ones(len(which), bool) for each in (*rates, energy)]))
+    if len(bad):
+        yield place_of(entry), f"{entry.label}: the formula gives no number for {layout.label(int(which[bad[0]]))} at the start"
+        return
+    for axis, rate in zip("xyz", rates) if law.flags["conserves_energy"] else ():
+
+        def energy_at(x: Any, axis: str = axis) -> Any:
+            return law.numbers(law.energy, {**given, axis: x})[0]
+
+        size = np.maximum(np.abs(given[axis]), float(np.abs(snapshot.position).max()) or 1.0)
+        wrong = _wrong_slopes(energy_at, -np.broadcast_to(rate * given["m"], which.shape), given[axis], size)
+        if len(wrong):
+            label = layout.label(int(which[wrong[0]]))
+            yield place_of(entry), f"{entry.label}: the force on {label} along {axis} is not the slope of V; please report it"
+            return
+
+
+def field_values(entry: Any, snapshot: Snapshot, which: np.ndarray) -> dict[str, Any]:
+    """The numbers of a field's formula for some particles at the start."""
+    given: dict[str, Any] = {name: snapshot.position[which, k] for k, name in enumerate("xyz")}
+    given |= {f"v{name}": snapshot.velocity[which, k] for k, name in enumerate("xyz")}
+    given |= {"m": snapshot.mass[which], "q": snapshot.charge[which], "R": snapshot.radius[which]}
+    return given | {"t": np.zeros(len(which))} | {name: np.float64(value) for name, value in values_of(entry).items()}
+
+
+def _wrong_slopes(energy: Any, slope: np.ndarray, at: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The places at which a slope is not the difference quotient of an energy, though two such quotients agree there."""
+    h = WIDTH * size
+    sides = {k: np.broadcast_to(energy(at + k * h), at.shape) for k in (-4, -2, -1, 1, 2, 4)}
+    near = (8.0 * (sides[1] - sides[-1]) - (sides[2] - sides[-2])) / (12.0 * h)
+    far = (8.0 * (sides[2] - sides[-2]) - (sides[4] - sides[-4])) / (24.0 * h)
+    allowed = SLOPE_ERROR * (np.abs(slope) + np.max([np.abs(each) for each in sides.values()], axis=0) / size)
+    return np.flatnonzero((np.abs(near - far) < allowed) & (np.abs(near - slope) > 2.0 * allowed))
+
+
+def place_of(entry: Any) -> Location:
+    """The place of a formula in its file; of its force where the formula is not in the scene."""
+    found: Location = next((each.place for each in texts_of(entry) if hasattr(each, "place")), entry.location)
+    return found

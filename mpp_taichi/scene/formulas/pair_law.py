@@ -1,0 +1,149 @@
+"""The law of a pair: from a potential V(r) to the functions that the loops over pairs call.
+
+    V = A₁ A₂ U(r): the factor A of a particle's mass, charge and radius is the same function for both particles of the pair.
+    a_i = r_i Σ_j s_j g(u) d with r_i = A_i/m_i, s_j = A_j, g = U′(r)/r = −u³ dU/du, and u = 1/r.
+
+`slope` is dg/du, `curvature` is d²g/du². The derivatives are SymPy's.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy
+
+from mpp_taichi.scene.expressions import Expression, ExpressionError, parse
+from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
+from mpp_taichi.scene.formulas.program import StepProgram
+
+DISTANCE = "r"
+QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
+"""Letters of the quantities of particles; in a formula a 1 or a 2 behind the letter tells the particle of the pair."""
+NAMES = (DISTANCE, *(f"{letter}{end}" for letter in QUANTITIES for end in (1, 2)))
+_U = sympy.Symbol("u", positive=True)
+
+
+_PROGRAMS = ("shape", "slope", "curvature", "energy", "source", "response")
+
+
+@dataclass(frozen=True, eq=False)
+class PairLaw:
+    """The programs of a pair force; each has the names of its live parameters beside those that are told here."""
+
+    shape: StepProgram
+    """g, of u."""
+    slope: StepProgram
+    """dg/du, of u."""
+    curvature: StepProgram
+    """d²g/du², of u."""
+    energy: StepProgram
+    """U, of u: the potential energy of a pair without the factors A₁ A₂."""
+    source: StepProgram
+    """A, of m, q and R of one particle."""
+    response: StepProgram
+    """A/m, of m, q and R of one particle."""
+    flags: Mapping[str, Any]
+    """What the law says of itself, as flags of a force."""
+    needs: frozenset[str]
+    """The quantities of particles that the force reads."""
+    live: tuple[str, ...]
+    """The names whose numbers may change in a run."""
+
+    def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "PairLaw":
+        """The law with numbers for the `fixed` names."""
+        values = dict(fixed)
+        changed = {name: getattr(self, name).with_numbers(values) for name in _PROGRAMS}
+        functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
+        flags = {**self.flags, "has_functions": functions, "takes_low_parts": not functions}
+        return replace(self, **changed, flags=flags, live=live)
+
+    def energy_at(self, distance: Any, values: Mapping[str, float]) -> Any:
+        """U at some distances, by NumPy."""
+        return self._at(self.energy, distance, values)
+
+    def shape_at(self, distance: Any, values: Mapping[str, float]) -> Any:
+        """G = U′(r)/r at some distances, by NumPy."""
+        return self._at(self.shape, distance, values)
+
+    @staticmethod
+    def _at(program: StepProgram, distance: Any, values: Mapping[str, float]) -> Any:
+        inverse = 1.0 / np.asarray(distance)
+        live = {name: inverse.dtype.type(value) for name, value in values.items()}
+        return program.run(ArrayArithmetic, {"u": inverse, **live}, inverse)[0]
+
+
+def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> PairLaw:
+    """The law of the potential `text`, with numbers for the `fixed` names; those of `live` may change in a run.
+
+    ExpressionError, with the character in the text, where it is no potential of a pair.
+    """
+    exponents, others = split_numbers(text, fixed)
+    return _derived(text, exponents, (*(name for name, _ in others), *live)).with_numbers(others, live)
+
+
+@lru_cache(maxsize=256)
+def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...]) -> PairLaw:
+    """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
+    expression = parse(text)
+    values: dict[str, Any] = {name: sympy.Symbol(name, positive=True) for name in NAMES}
+    values[DISTANCE] = 1 / _U
+    values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: number(value) for name, value in exponents}
+    expression.check_names(values)
+    potential = symbolic(expression, values)
+    factor, alone = _separated(sympy.factor_terms(potential), expression)
+    derivatives = [checked_size(_tidy(-(_U**3) * sympy.diff(alone, _U)))]
+    has_more = not kinks(expression)
+    for _ in range(2):
+        more = _tidy(sympy.diff(derivatives[-1], _U)) if is_short(derivatives[-1]) else sympy.Integer(0)
+        has_more = has_more and is_short(derivatives[-1]) and is_short(more)
+        derivatives.append(more if has_more else sympy.Integer(0))
+    mass, charge = sympy.Symbol("m", positive=True), sympy.Symbol("q", real=True)
+    shape, slope, curvature, energy = (StepProgram.of([each], ("u",), ("u",)) for each in (*derivatives, _tidy(alone)))
+    source, response = (StepProgram.of([each], tuple(QUANTITIES)) for each in (factor, sympy.powsimp(factor / mass)))
+    flags = {
+        "proportional_to_mass": factor.has(mass) and (factor / mass).subs(mass, 0).is_finite is not False,
+        "proportional_to_charge": factor.subs(charge, 0) == 0,
+        "has_derivatives": has_more,
+    }
+    needs = {QUANTITIES[name] for name in source.names | response.names if name in QUANTITIES}
+    return PairLaw(shape, slope, curvature, energy, source, response, flags, frozenset(needs | {"mass"}), ())
+
+
+def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:
+    """(A of one particle, U) of V = A₁ A₂ U; refused where V is no such product."""
+    ends = [{sympy.Symbol(f"{letter}{end}", positive=True) for letter in QUANTITIES} for end in (1, 2)]
+    factors: list[Any] = [sympy.Integer(1), sympy.Integer(1)]
+    alone: Any = sympy.Integer(1)
+    for each in sympy.Mul.make_args(sympy.expand_power_base(potential, force=True)):
+        of = [bool(each.free_symbols & end) for end in ends]
+        if not any(of):
+            alone *= each
+        elif all(of) or _U in each.free_symbols:
+            raise ExpressionError(
+                "must be a function of r times the same function of m1, q1, R1 and of m2, q2, R2, such as q1*q2/r; "
+                "write a sum as several pair forces"
+            )
+        else:
+            factors[of.index(True)] *= each
+    one, other = (_of_any(each, end) for each, end in zip(factors, (1, 2), strict=True))
+    if sympy.simplify(one - other) != 0:
+        raise ExpressionError(
+            f"{sympy.sstr(factors[0])} of the first particle is not {sympy.sstr(factors[1])} of the second: the forces would "
+            "not be opposite; must be the same function of both"
+        )
+    return one, alone
+
+
+def _of_any(factor: Any, end: int) -> Any:
+    """The factor of one end as a function of m, q and R; a charge may have either sign."""
+    symbols = {"m": {"positive": True}, "q": {"real": True}, "R": {"positive": True}}
+    names = {sympy.Symbol(f"{letter}{end}", positive=True): sympy.Symbol(letter, **symbols[letter]) for letter in QUANTITIES}
+    return factor.xreplace(names)
+
+
+def _tidy(expression: Any) -> Any:
+    """Common factors of the terms taken out, which is never slow and never less accurate."""
+    return sympy.factor_terms(expression)
