@@ -28,7 +28,7 @@ class EnergyMeter:
         """Bind the parts."""
         self.state = state
         self.total_force = total_force
-        self._rows = PairEnergy(total_force.pair_sum) if is_in_rows(state, total_force) else None
+        self._rows = PairEnergy(total_force.pair_sum.all_pairs) if is_in_rows(state, total_force) else None
         self._in_rows = self._rows is not None
 
     @ti.kernel
@@ -79,7 +79,7 @@ class EnergyMeter:
 def is_in_rows(state: State, total_force: TotalForce) -> bool:
     """Whether the energy of pairs is summed in rows of lanes: for many bodies on a CPU, of which none merge."""
     many = total_force.has_pairs and not total_force.by_tree and state.particle_count >= LEAST_COUNT
-    return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.merges)
+    return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.all_pairs.merges)
 
 
 @ti.data_oriented

@@ -10,6 +10,7 @@ A solver is a class of `neighbors/` with these members:
     is_symmetric(state)                 whether a launched sum evaluates each pair once, and `set_accelerations` may overwrite
     loops(state)                        parallel loops of one launched sum on the cores of a CPU
     longest_loop                        most iterations that a thread makes for one particle
+    all_pairs                           the AllPairs that a direct sum is built on; a tree has none
     destroy()                           frees the memory of the sums
 
 A new solver, such as a fast multipole method, is a file in `neighbors/`, a row in `SOLVERS` and a choice of `solver` in the

@@ -13,6 +13,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import parameter, wide_number
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.arithmetic.low_parts import added
 from mpp_taichi.arithmetic.particle_update import separation, wide_position
@@ -59,6 +60,11 @@ class AllPairs:
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
         self.in_tiles = not self.unrolled and len(self.members) == 1  # how one thread sums
         self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies it is faster to store zeros first
+
+    @property
+    def all_pairs(self) -> "AllPairs":
+        """This sum; sums that are built on it say it by the same name."""
+        return self
 
     # One thread
 
@@ -394,7 +400,8 @@ class AllPairs:
         energy = ti.cast(0.0, state.wide)
         distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
         for group in ti.static(self.groups):
-            inverse = inverse_distance(distance_squared, group.softening_squared)
+            softening_squared = wide_number(state, parameter(state, group.softening_squared))
+            inverse = inverse_distance(distance_squared, softening_squared)
             for member in ti.static(group.members):
                 energy += member.force.potential(state, i, j, inverse)
         return energy

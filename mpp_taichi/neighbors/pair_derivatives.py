@@ -43,7 +43,7 @@ class PairDerivatives:
 
     def __init__(self, pairs: AllPairs, derivatives: int) -> None:
         """Take forces, softenings and lanes from the sum of the accelerations; `derivatives` is 1 or 2."""
-        self.pairs = pairs
+        self.pairs = self.all_pairs = pairs
         self.derivatives = derivatives
         self.particle_count, self.dimensions = pairs.particle_count, pairs.dimensions
         self.lane_count, self.tile_count = pairs.lane_count, pairs.tile_count

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import parameter, wide_number
 from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots
@@ -73,8 +74,9 @@ class PairEnergy:
         square_j, square_k = self._squares(state, place, j), self._squares(state, place, k)
         energy_j, energy_k = ti.Vector.zero(ti.f64, LANES), ti.Vector.zero(ti.f64, LANES)
         for group in ti.static(self.pairs.groups):
-            softened_j = softened_square(square_j, group.softening_squared)
-            softened_k = softened_square(square_k, group.softening_squared)
+            softening_squared = wide_number(state, parameter(state, group.softening_squared))
+            softened_j = softened_square(square_j, softening_squared)
+            softened_k = softened_square(square_k, softening_squared)
             inverse_j, inverse_k = inverse_roots(softened_j, softened_k, True)
             for member in ti.static(group.members):
                 energy_j += self._energies(state, member, begin, j, inverse_j)

@@ -28,6 +28,7 @@ class PairsInTurn:
     def __init__(self, pairs: AllPairs) -> None:
         """Take forces and softenings from the sum of plain numbers."""
         self.pairs, self.groups = pairs, pairs.groups
+        self.all_pairs = pairs
         self.particle_count, self.longest_loop = pairs.particle_count, pairs.longest_loop
 
     def destroy(self) -> None:

@@ -28,6 +28,7 @@ class TwoPartPairs:
     def __init__(self, pairs: AllPairs) -> None:
         """Take forces and softenings from the sum in one part."""
         self.pairs, self.groups = pairs, pairs.groups
+        self.all_pairs = pairs
         self.particle_count, self.thread_count = pairs.particle_count, pairs.thread_count
         self.longest_loop = pairs.longest_loop
 

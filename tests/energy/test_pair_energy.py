@@ -106,3 +106,15 @@ def test_a_lost_pair_is_noticed():
     terms = -start.mass[i] * start.mass[j] / np.sqrt(apart + SOFTENING**2)
     terms += start.charge[i] * start.charge[j] / np.sqrt(apart + OTHER**2)
     assert np.median(np.abs(terms)) > (math.sqrt(start.particle_count) + 10) * 2.0**-53 * size
+
+
+@pytest.mark.parametrize(
+    ("method", "precision"), [("hermite4", "f64"), ("hermite6", "f64"), ("hermite4", "f32"), ("leapfrog", "df64")]
+)
+def test_sums_of_other_kinds_have_the_same_energy(method, precision):
+    """Sums with derivatives and sums of double-single numbers are built on the sum of all pairs, and lend its energy."""
+    count = LEAST_COUNT + 3
+    found, start = energy({**cloud(count, 3), "integrator": {method: {"dt": 1e-3}}}, precision)
+    expected, size = exact(start)
+    rounding = 2.0**-24 if precision == "f32" else 2.0**-46 if precision == "df64" else 2.0**-53  # of constants, such as ε
+    assert abs(found - expected) < (math.sqrt(count) + 10) * rounding * size
