@@ -16,6 +16,7 @@ from mpp_taichi.errors import (
     ArgumentError,
     BackendError,
     CapacityError,
+    ComponentError,
     MppError,
     OutputError,
     SceneError,
@@ -25,6 +26,7 @@ from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.choice import settle
+    from mpp_taichi.own_components import add_components, force
     from mpp_taichi.report.result import Result, run
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.scene.spec import SceneSpec
@@ -38,6 +40,7 @@ __all__ = [
     "ArgumentError",
     "BackendError",
     "CapacityError",
+    "ComponentError",
     "MppError",
     "OutputError",
     "Result",
@@ -48,6 +51,8 @@ __all__ = [
     "StabilityError",
     "SweepResults",
     "__version__",
+    "add_components",
+    "force",
     "load_scene",
     "open_sweep",
     "resume",
@@ -56,6 +61,8 @@ __all__ = [
 ]
 
 _LAZY = {
+    "add_components": "mpp_taichi.own_components",
+    "force": "mpp_taichi.own_components",
     "Result": "mpp_taichi.report.result",
     "SceneSpec": "mpp_taichi.scene.spec",
     "Simulation": "mpp_taichi.simulation.simulation",

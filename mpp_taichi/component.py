@@ -12,13 +12,18 @@ values: its flags, such as `moves_forward_alone = True`. No other file names the
 import ast
 import importlib
 import importlib.util
+import os
+import re
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
+
+from mpp_taichi.errors import ComponentError
 
 PACKAGE_FOLDER = Path(__file__).parent
 KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators", "quantities", "diagnostics")
@@ -112,8 +117,31 @@ def folders(kind: str) -> list[Path]:
     return [PACKAGE_FOLDER / kind, *(folder / kind for folder in extra_folders)]
 
 
-extra_folders: list[Path] = []
-"""Folders outside the package that hold `forces/…`, `integrators/…`, for one's own components."""
+FOLDERS_VARIABLE = "MPP_TAICHI_COMPONENTS"
+extra_folders: list[Path] = [Path(each) for each in os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep) if each]
+"""Folders outside the package that hold `forces/…`, `integrators/…`, for one's own components (own_components.py)."""
+
+
+def read_file(kind: str, path: Path) -> Declaration | None:
+    """The component that a file declares; None where it declares no component of its name."""
+    return _read(kind, path)
+
+
+def forget(path: Path) -> None:
+    """Read a file anew that has changed."""
+    _read.cache_clear()
+    _read_flags.cache_clear()
+    _tree.cache_clear()
+    for kind in KINDS:
+        sys.modules.pop(f"mpp_taichi_extra.{kind}.{path.stem}", None)
+
+
+def in_own_component(error: Exception) -> str:
+    """The place and the last line of an error that Taichi reports of a file in `extra_folders`; empty for other errors."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip(" ^")]
+    places = re.findall(r'File "([^"]+)", line (\d+)', str(error))
+    own = [(file, line) for file, line in places if any(Path(file).is_relative_to(folder) for folder in extra_folders)]
+    return f"{own[-1][0]}:{own[-1][1]}: {lines[-1]}" if own else ""
 
 
 def find_file(kind: str, name: str) -> Path | None:
@@ -265,7 +293,13 @@ def _import_file(module_name: str, path: Path) -> Any:
         assert specification is not None and specification.loader is not None
         module = importlib.util.module_from_spec(specification)
         sys.modules[module_name] = module
-        specification.loader.exec_module(module)
+        try:
+            specification.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[module_name]
+            lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+            line = lines[-1] if lines else getattr(error, "lineno", None) or 1
+            raise ComponentError(f"{path}:{line}: {type(error).__name__}: {error}") from error
     return sys.modules[module_name]
 
 

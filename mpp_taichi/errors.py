@@ -39,6 +39,12 @@ class MissingPackageError(MppError):
     exit_code = 2
 
 
+class ComponentError(MppError):
+    """A component of one's own is no component, or has a fault; the line names its file."""
+
+    exit_code = 2
+
+
 class ArgumentError(MppError):
     """An argument of a function has a value that is not allowed."""
 

@@ -16,6 +16,8 @@ Other kinds have names such as `body`, `link`, `box` or `position`, which are al
 columns of a table; of generators, networks and walls only names with an underscore are looked for. Quantities and
 diagnostics are left out, since `total_energy` is a column of a table as well.
 """
+ORDINARY_WORDS = ("logarithmic", "pair", "external")
+"""Forces whose names are also words for other things, such as a scale."""
 COMPOUND_KINDS = ("generators", "networks", "walls")
 
 
@@ -24,7 +26,7 @@ def names_looked_for():
     homes = {}
     for kind in UNMISTAKABLE_KINDS + COMPOUND_KINDS:
         for name in component.names(kind):
-            if kind in UNMISTAKABLE_KINDS or "_" in name:
+            if (kind in UNMISTAKABLE_KINDS and name not in ORDINARY_WORDS) or "_" in name:
                 homes.setdefault(name, set()).add(component.PACKAGE_FOLDER / kind / f"{name}.py")
     return homes
 

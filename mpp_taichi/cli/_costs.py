@@ -107,6 +107,8 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
+        if declared.flags.get("is_formula"):  # there is no end of formulas
+            continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
         if has_tangent and not declared.flags.get("takes_any_numbers"):

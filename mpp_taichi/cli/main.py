@@ -29,8 +29,9 @@ from mpp_taichi.cli._terminal import (
     say,
     warnings_shown,
 )
+from mpp_taichi.component import in_own_component
 from mpp_taichi.device.fast_taichi import switch
-from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError, OutputError, SceneError
+from mpp_taichi.errors import INTERNAL_ERROR_CODE, ComponentError, MppError, OutputError, SceneError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.scene.bundled import bundled_scenes
 from mpp_taichi.scene.did_you_mean import suggestion
@@ -121,6 +122,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = short.exit_code if short is not None else OutputError.exit_code
             return put_failure(told, [told], code) if json_wanted else code
         text = " ".join(str(error).split())[:LONGEST_MESSAGE]
+        if told := in_own_component(error):
+            say(told)
+            return put_failure(told, [told], ComponentError.exit_code) if json_wanted else ComponentError.exit_code
         say(f"internal error: {type(error).__name__}: {text}; please report it")
         if os.environ.get(DEBUG_VARIABLE) == "1":
             traceback.print_exc()
@@ -145,6 +149,11 @@ def _dispatch(words: list[str]) -> int:
         parser.print_help()
         return 0
     switch.check_variable()
+    if chosen.components:
+        from mpp_taichi.own_components import add_components
+
+        for folder in chosen.components:
+            add_components(folder)
     if chosen.verb == "sweep":  # whose script for SLURM repeats them
         chosen.words = words
     return VERBS[chosen.verb].execute(chosen)
@@ -171,6 +180,13 @@ def _parser(chosen: str | None = None) -> argparse.ArgumentParser:
         )
         if chosen in (None, name):
             VERBS[name].add_arguments(verb)
+            verb.add_argument(
+                "--components",
+                action="append",
+                default=[],
+                metavar="FOLDER",
+                help="a folder with components of your own, in forces/, integrators/ and so on; may be given several times",
+            )
     return parser
 
 

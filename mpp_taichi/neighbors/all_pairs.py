@@ -36,9 +36,10 @@ class AllPairs:
 
     Range: squared distances must be normal numbers of the precision, so in f32 distances must lie between 1.1e-19 and 1.8e19
     [length]. An inverse cube needs distances between 1.5e-13 and 4e12; beyond 4e12 it loses digits to underflow, and from 9e14
-    on it is zero. Outside the range a sum is inf, NaN or zero by IEEE arithmetic. Without softening two bodies at one place
-    give NaN.
+    on it is zero. Outside the range a sum is inf, NaN or zero. Without softening two bodies at one place give NaN.
     """
+
+    all_pairs = property(lambda self: self, doc="This sum; sums that are built on it have it under the same name.")
 
     def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int, *, merges: bool = False) -> None:
         """Sort the forces by softening; needs a started Taichi, whose precision and thread count it takes.
@@ -60,13 +61,6 @@ class AllPairs:
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
         self.in_tiles = not self.unrolled and len(self.members) == 1  # how one thread sums
         self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies it is faster to store zeros first
-
-    @property
-    def all_pairs(self) -> "AllPairs":
-        """This sum; sums that are built on it say it by the same name."""
-        return self
-
-    # One thread
 
     @ti.func
     def accumulate_serial(self, state: Template, first):
@@ -400,8 +394,7 @@ class AllPairs:
         energy = ti.cast(0.0, state.wide)
         distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
         for group in ti.static(self.groups):
-            softening_squared = wide_number(state, parameter(state, group.softening_squared))
-            inverse = inverse_distance(distance_squared, softening_squared)
+            inverse = inverse_distance(distance_squared, wide_number(state, parameter(state, group.softening_squared)))
             for member in ti.static(group.members):
                 energy += member.force.potential(state, i, j, inverse)
         return energy

@@ -1,8 +1,8 @@
 """Checks of formulas where particles are at the start: values that are no numbers, and derivatives that are no slopes.
 
 The derivative of each formula is compared with a difference of the formula, of fourth order in the width h. With h = ε^(1/5) r
-the error of the difference, of truncation and of rounding alike, is some ε^(4/5) of the size of its terms; SLOPE_ERROR allows
-for large fifth derivatives. Where the difference over 2 h differs by more, the formula has a kink or a pole nearby.
+the error of truncation is some ε^(4/5) of the size of V/r; SLOPE_ERROR allows for large fifth derivatives. The rounding errors
+of V come from a running error analysis. Where the difference over 2 h differs by more, the formula has a kink or a pole nearby.
 """
 
 import logging
@@ -25,6 +25,7 @@ DISTANCES_TRIED = 64
 SPAN = 3.0  # distances from a third of the smallest to three times the largest of the start
 WIDTH = np.finfo(float).eps ** 0.2
 SLOPE_ERROR = 1e-7
+ROUNDINGS_AROUND = 10.0  # of V at six places, the largest of which may be a few times that in the middle
 Fault = tuple[Location, str]
 
 
@@ -84,7 +85,8 @@ def _pair_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iter
         yield place, f"{entry.label}: {what} is no number at r = {distance[k]:.6g}, the distance of {ends} at the start"
         return
     tried = np.geomspace(distance.min() / SPAN, distance.max() * SPAN, DISTANCES_TRIED)
-    wrong = _wrong_slopes(lambda r: law.energy_at(r, values), law.shape_at(tried, values) * tried, tried, tried)
+    rounding = law.energy_errors_at(tried, values)
+    wrong = _wrong_slopes(lambda r: law.energy_at(r, values), law.shape_at(tried, values) * tried, rounding, tried, tried)
     if len(wrong):
         yield place, f"{entry.label}: the force at r = {tried[wrong[0]]:.6g} is not the slope of V there; please report it"
 
@@ -106,7 +108,8 @@ def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Ite
             return law.numbers(law.energy, {**given, axis: x})[0]
 
         size = np.maximum(np.abs(given[axis]), float(np.abs(snapshot.position).max()) or 1.0)
-        wrong = _wrong_slopes(energy_at, -np.broadcast_to(rate * given["m"], which.shape), given[axis], size)
+        slope, rounding = -np.broadcast_to(rate * given["m"], which.shape), law.errors(law.energy, given)[0]
+        wrong = _wrong_slopes(energy_at, slope, rounding, given[axis], size)
         if len(wrong):
             label = layout.label(int(which[wrong[0]]))
             yield place_of(entry), f"{entry.label}: the force on {label} along {axis} is not the slope of V; please report it"
@@ -121,13 +124,14 @@ def field_values(entry: Any, snapshot: Snapshot, which: np.ndarray) -> dict[str,
     return given | {"t": np.zeros(len(which))} | {name: np.float64(value) for name, value in values_of(entry).items()}
 
 
-def _wrong_slopes(energy: Any, slope: np.ndarray, at: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _wrong_slopes(energy: Any, slope: np.ndarray, rounding: Any, at: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The places at which a slope is not the difference quotient of an energy, though two such quotients agree there."""
     h = WIDTH * size
     sides = {k: np.broadcast_to(energy(at + k * h), at.shape) for k in (-4, -2, -1, 1, 2, 4)}
     near = (8.0 * (sides[1] - sides[-1]) - (sides[2] - sides[-2])) / (12.0 * h)
     far = (8.0 * (sides[2] - sides[-2]) - (sides[4] - sides[-4])) / (24.0 * h)
     allowed = SLOPE_ERROR * (np.abs(slope) + np.max([np.abs(each) for each in sides.values()], axis=0) / size)
+    allowed += ROUNDINGS_AROUND * np.finfo(float).eps * rounding / h
     return np.flatnonzero((np.abs(near - far) < allowed) & (np.abs(near - slope) > 2.0 * allowed))
 
 

@@ -15,7 +15,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import PairForce
 
 @component
-class Yukawa(PairForce):
+class Screened(PairForce):
     """Pair force that is infinite at distance 0."""
 
     coupling: float = param(1.0, strength=True, unit="force length²", help="g")
@@ -70,16 +70,16 @@ def two_bodies(distance=0.0, **changes):
 
 
 def test_bodies_at_one_place_are_refused_for_a_new_singular_force(add):
-    add("forces/yukawa", YUKAWA, SINGULAR)
-    with pytest.raises(SceneError, match="is where particle 0 .body. is, must be elsewhere: yukawa is infinite there"):
-        assemble(load_scene(two_bodies(forces=[{"yukawa": {}}])))
-    assemble(load_scene(two_bodies(1.0, forces=[{"yukawa": {}}])))
-    assemble(load_scene(two_bodies(forces=[{"yukawa": {"coupling": 0.0}}])))
+    add("forces/screened", YUKAWA, SINGULAR)
+    with pytest.raises(SceneError, match="is where particle 0 .body. is, must be elsewhere: screened is infinite there"):
+        assemble(load_scene(two_bodies(forces=[{"screened": {}}])))
+    assemble(load_scene(two_bodies(1.0, forces=[{"screened": {}}])))
+    assemble(load_scene(two_bodies(forces=[{"screened": {"coupling": 0.0}}])))
 
 
 def test_bodies_at_one_place_may_feel_a_new_force_that_stays_finite(add):
-    add("forces/yukawa", YUKAWA, "")
-    assemble(load_scene(two_bodies(forces=[{"yukawa": {}}])))
+    add("forces/screened", YUKAWA, "")
+    assemble(load_scene(two_bodies(forces=[{"screened": {}}])))
 
 
 def test_a_new_splitting_resolves_contacts_where_it_says_that_its_drifts_lead_forward(add):

@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import sympy
 
 from mpp_taichi.scene.expressions import ExpressionError, parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
 from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
 
 PLACE = ("x", "y", "z")
 MOTION = ("vx", "vy", "vz")
@@ -55,6 +57,12 @@ class ExternalLaw:
         functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
         low = not functions and not self.flags["depends_on_time"]
         return replace(self, **changed, flags={**self.flags, "has_functions": functions, "takes_low_parts": low}, live=live)
+
+    @staticmethod
+    def errors(program: StepProgram, values: Mapping[str, Any]) -> list[Any]:
+        """Bounds of the rounding errors of the results, in units of rounding."""
+        rounded = {name: Rounded(value, np.abs(value)) for name, value in values.items()}
+        return [each.error for each in program.run(RoundingArithmetic, rounded, 1.0)]
 
     @staticmethod
     def numbers(program: StepProgram, values: Mapping[str, Any]) -> list[Any]:

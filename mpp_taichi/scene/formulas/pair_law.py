@@ -18,6 +18,7 @@ from mpp_taichi.scene.expressions import Expression, ExpressionError, parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
 from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.rounding_steps import ROUNDINGS_OF_QUOTIENT, Rounded, RoundingArithmetic
 
 DISTANCE = "r"
 QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
@@ -67,6 +68,17 @@ class PairLaw:
     def shape_at(self, distance: Any, values: Mapping[str, float]) -> Any:
         """G = U′(r)/r at some distances, by NumPy."""
         return self._at(self.shape, distance, values)
+
+    def energy_errors_at(self, distance: Any, values: Mapping[str, float]) -> Any:
+        """Bounds of the rounding errors of U at some distances, in units of rounding."""
+        return self._rounded(self.energy, distance, values).error
+
+    @staticmethod
+    def _rounded(program: StepProgram, distance: Any, values: Mapping[str, float]) -> Rounded:
+        inverse = Rounded(1.0 / distance, ROUNDINGS_OF_QUOTIENT / distance)
+        live = {name: Rounded(value, abs(value)) for name, value in values.items()}
+        found: Rounded = program.run(RoundingArithmetic, {"u": inverse, **live}, inverse)[0]
+        return found
 
     @staticmethod
     def _at(program: StepProgram, distance: Any, values: Mapping[str, float]) -> Any:

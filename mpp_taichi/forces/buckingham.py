@@ -1,0 +1,19 @@
+"""Buckingham potential between all pairs."""
+
+from mpp_taichi.component import component, param
+from mpp_taichi.forces._formula import FormulaPair
+
+
+@component
+class Buckingham(FormulaPair):
+    """Buckingham potential, V(r) = A e^(−B r) − C/r⁶: an exponential repulsion and the attraction of induced dipoles.
+
+    At short distances the attraction wins, and V falls to −∞ behind a barrier: particles must start outside of it.
+    Source: R. A. Buckingham, Proc. R. Soc. Lond. A 168 (1938) 264.
+    """
+
+    repulsion: float = param(minimum=0.0, slider=True, unit="energy", help="A")
+    steepness: float = param(above=0.0, slider=True, unit="length⁻¹", help="B")
+    attraction: float = param(minimum=0.0, slider=True, unit="energy length⁶", help="C")
+    softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    formula = "repulsion*exp(-steepness*r) - attraction/r^6"
