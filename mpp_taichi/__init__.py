@@ -26,9 +26,9 @@ from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.choice import settle
-    from mpp_taichi.own_components import add_components, force
     from mpp_taichi.report.result import Result, run
     from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.scene.own_components import add_components, force
     from mpp_taichi.scene.spec import SceneSpec
     from mpp_taichi.simulation.resume import resume
     from mpp_taichi.simulation.simulation import Simulation
@@ -61,8 +61,8 @@ __all__ = [
 ]
 
 _LAZY = {
-    "add_components": "mpp_taichi.own_components",
-    "force": "mpp_taichi.own_components",
+    "add_components": "mpp_taichi.scene.own_components",
+    "force": "mpp_taichi.scene.own_components",
     "Result": "mpp_taichi.report.result",
     "SceneSpec": "mpp_taichi.scene.spec",
     "Simulation": "mpp_taichi.simulation.simulation",

@@ -119,7 +119,7 @@ def folders(kind: str) -> list[Path]:
 
 FOLDERS_VARIABLE = "MPP_TAICHI_COMPONENTS"
 extra_folders: list[Path] = [Path(each) for each in os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep) if each]
-"""Folders outside the package that hold `forces/…`, `integrators/…`, for one's own components (own_components.py)."""
+"""Folders outside the package that hold `forces/…`, `integrators/…`, for one's own components (scene/own_components.py)."""
 
 
 def read_file(kind: str, path: Path) -> Declaration | None:

@@ -150,7 +150,7 @@ def _dispatch(words: list[str]) -> int:
         return 0
     switch.check_variable()
     if chosen.components:
-        from mpp_taichi.own_components import add_components
+        from mpp_taichi.scene.own_components import add_components
 
         for folder in chosen.components:
             add_components(folder)

@@ -87,7 +87,7 @@ def main():
         micro = {name: 1e6 * value for name, value in found.items()}
         ratio = found["formula"] / found["component"]
         rows.append({"backend": backend, "precision": precision, "bodies": count, "method": method, **found, "ratio": ratio})
-        cells = f"{micro['component']:.3g} µs | {micro['formula']:.3g} µs | {ratio:.2f}"
+        cells = f"{micro['component']:,.4g} µs | {micro['formula']:,.4g} µs | {ratio:.2f}"
         print(f"| {backend}, {precision} | {count:,}, {method} | {cells} |", flush=True)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1))
