@@ -38,8 +38,9 @@ Written from the model by `python -m mpp_taichi.scene.write_reference_page`; do 
 
 A scene is one YAML mapping. Every number may be an expression in quotes or without, over `constants:`, `pi`, `tau`, `e` and
 `sqrt sin cos tan atan2 exp log hypot min max abs`; a power is `^` or `**`. The [guide to units](#units) says which units the
-numbers have. Entries that differ by a number are written as one [repeat](#repeat-an-entry-of-particles-springs-and-walls). A particle is named by
-its index, its `name`, or `group[index]`; a group by its name, and `group[first:end]` is a part of it, without the end.
+numbers have. Entries that differ by a number are written as one
+[repeat](#repeat-an-entry-of-particles-springs-and-walls). A particle is
+named by its index, its `name`, or `group[index]`; a group by its name, and `group[first:end]` is a part of it, without the end.
 Lists of components are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as
 the base: mappings merge, lists replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
 `timeline:` changes such paths while the scene runs: each change begins a phase, which is compiled as a step of its own. Forces,
