@@ -14,7 +14,8 @@ from mpp_taichi.compare import neighbors
 from mpp_taichi.compare.certificate import Judge, verdict
 from mpp_taichi.compare.course import COPIES, Finding, ReferenceCourse
 from mpp_taichi.compare.evidence import Evidence
-from mpp_taichi.compare.numpy_reference import DIRECT, ROUNDINGS
+from mpp_taichi.compare.numpy_pairs import ROUNDINGS
+from mpp_taichi.compare.numpy_reference import DIRECT
 from mpp_taichi.compare.row import BackendRow
 from mpp_taichi.scene.estimate import estimate
 

@@ -17,9 +17,8 @@ import numpy as np
 from mpp_taichi.compare import numpy_reference, numpy_steps, tree_forces
 from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Finding, ReferenceCourse, ratios
 from mpp_taichi.compare.evidence import Evidence, shaken
+from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits
 from mpp_taichi.compare.numpy_reference import (
-    ROUNDINGS,
-    Limits,
     NumpyForces,
     bodies,
     kept,

@@ -6,18 +6,19 @@ as well, by `kept`, so that its arithmetic is judged and not the rounding of its
 """
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, pair_energy, pair_magnitude, pair_sum
+from mpp_taichi.scene.formulas.laws import is_formula, live_names
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
 DIRECT = "direct"  # the solver of a force that sums over all pairs
 KNOWN_FORCES = {  # each with the parameters that the reference supports
     "newtonian_gravity": ("strength", "softening", "solver", "accuracy"),
@@ -26,17 +27,6 @@ KNOWN_FORCES = {  # each with the parameters that the reference supports
     "linear_drag": ("coefficient",),
 }
 KINDS = {"f32": np.float32, "f64": np.float64}
-# Roundings, in units of 2⁻²⁴ or 2⁻⁵³, of one term of a force as a kernel may compute it, worst case throughout. Of OpenCL and
-# Vulkan: a root to 3 units in the last place, of two roundings each, a quotient to 2.5 (OpenCL C Specification 3.0, §7.4).
-ROOT, QUOTIENT, STEP = 6, 5, 1
-SQUARE = 2 * STEP + STEP + 2 * STEP  # of a sum of three squared differences: differences, squares, additions
-INVERSE = (SQUARE + 3 * STEP) / 2 + ROOT + QUOTIENT  # 1/ρ; ε² is rounded, squared and added
-PAIR = 3 * INVERSE + 2 * STEP + 6 * STEP  # its cube, times parameter, source, response, quotient q/m, difference
-LENGTH = SQUARE / 2 + ROOT
-SPRING = 2 * LENGTH + SQUARE + QUOTIENT + 8 * STEP  # D (|d| − L) |d| + c w·d over d², times d
-WEIGHT = QUOTIENT + STEP  # a force over the mass
-ROUNDINGS = PAIR + WEIGHT
-CONSPIRING = 32  # roundings of the sum: the last five bits of larger terms are lost at random
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +76,20 @@ def kept(values: np.ndarray, precision: str) -> np.ndarray:
 
 def refusal(spec: SceneSpec) -> str | None:
     """The reason why a scene has no reference here, the forces that are missing; None where all forces have one."""
-    foreign = [force.name for force in spec.forces if force.name not in KNOWN_FORCES]
+    foreign = [force.label for force in spec.forces if not (force.name in KNOWN_FORCES or has_reference(force))]
     for force in spec.forces:
+        if is_formula(force.name):
+            continue
         for parameter in component.declaration("forces", force.name).parameters:
             asked = force.parameters.get(parameter.name) != parameter.default
             if asked and parameter.name not in KNOWN_FORCES.get(force.name, (parameter.name,)):
                 foreign.append(f"{force.name}.{parameter.name}")
     return f"the NumPy reference has no {', '.join(foreign)}" if foreign else None
+
+
+def has_reference(force: Any) -> bool:
+    """Whether the reference evaluates a formula: it has neither radii nor a time."""
+    return is_formula(force.name) and "radius" not in force.law.needs and not force.flag("forces", "depends_on_time")
 
 
 def pair_forces(spec: SceneSpec) -> int:
@@ -113,8 +110,11 @@ class NumpyForces:
         field = forces["uniform_gravity"]["acceleration"] if "uniform_gravity" in forces else (0.0, 0.0, 0.0)
         self.field = np.asarray(field, float)
         self.full = spec.spring_damping == "full"
+        formulas = [(force.law, _numbers(force), force) for force in spec.forces if is_formula(force.name)]
+        self.pair_laws = [each for each in formulas if is_pair_force(each[2].name)]
+        self.field_laws = [(law, values) for law, values, force in formulas if not is_pair_force(force.name)]
         self.has_springs = len(given.between) > 0
-        self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping))
+        self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping)) or any(map(_is_moved, self.field_laws))
 
     # Accelerations
 
@@ -129,6 +129,9 @@ class NumpyForces:
         """Accelerations by the forces that do not depend on velocity, (copies, N, 3); only the given `rows` are valid."""
         given = self.bodies
         result = self.of_pairs(position, rows) + self.field
+        for law, values in self.field_laws:
+            if not law.flags["depends_on_velocity"]:
+                result += self._of_field(law, values, position, np.zeros_like(position))
         if self.has_springs:
             away, length = self._lengths(position)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -139,8 +142,8 @@ class NumpyForces:
     def of_pairs(self, position: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Accelerations by the forces between all pairs, along all axes."""
         result = np.zeros_like(position)
-        for source, response, softening in self._pair_forces():
-            result += pair_sum(position, source, response, softening, rows, threads=self.threads)
+        for term in self._pair_forces():
+            result += pair_sum(position, term, rows, threads=self.threads)
         return result
 
     def friction(self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
@@ -149,6 +152,9 @@ class NumpyForces:
         result = np.zeros_like(position)
         if self.drag:
             result -= self._over_mass(self.drag * velocity)
+        for law, values in self.field_laws:
+            if law.flags["depends_on_velocity"]:
+                result += self._of_field(law, values, position, velocity)
         if self.has_springs and np.any(given.damping):
             away, _ = self._lengths(position)
             closing = velocity[:, given.between[:, 1]] - velocity[:, given.between[:, 0]]
@@ -161,15 +167,39 @@ class NumpyForces:
             result += self._over_mass(self._both_ends(force))
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
 
-    def _pair_forces(self) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        """(source, response, softening) of each pair force: a_i = response_i Σ_j source_j d/ρ³."""
+    def _of_field(self, law: Any, values: dict[str, float], position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Accelerations of a formula, (copies, N, 3)."""
+        result = np.zeros_like(position)
+        for axis, rate in enumerate(law.numbers(law.acceleration, self._values(values, position, velocity))):
+            result[..., axis] = rate
+        return result
+
+    def _values(self, live: dict[str, float], position: np.ndarray, velocity: np.ndarray) -> dict[str, Any]:
+        """The numbers of a formula of a place."""
+        given: dict[str, Any] = {name: position[..., k] for k, name in enumerate("xyz")}
+        given |= {f"v{name}": velocity[..., k] for k, name in enumerate("xyz")}
+        return given | {"m": self.bodies.mass, "q": self.bodies.charge} | {k: np.float64(v) for k, v in live.items()}
+
+    def _of_particles(self, law: Any, program: Any, live: dict[str, float]) -> np.ndarray:
+        """A factor of a pair formula for each particle, (copies, N)."""
+        values = {"m": self.bodies.mass, "q": self.bodies.charge, **{k: np.float64(v) for k, v in live.items()}}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.broadcast_to(law.of_particles(program, values), self.bodies.mass.shape)
+        return np.where(self.bodies.charge != 0.0, found, 0.0) if law.flags["proportional_to_charge"] else found
+
+    def _pair_forces(self) -> list[PairTerm]:
+        """The pair forces."""
         given, found = self.bodies, []
+        for law, live, force in self.pair_laws:
+            source, response = (self._of_particles(law, each, live) for each in (law.source, law.response))
+            found.append(PairTerm(source, response, force.parameters["softening"], law, live))
         if self.gravity is not None:
-            found.append((given.mass, np.full_like(given.mass, self.gravity["strength"]), self.gravity["softening"]))
+            strength = np.full_like(given.mass, self.gravity["strength"])
+            found.append(PairTerm(given.mass, strength, self.gravity["softening"]))
         if self.coulomb is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 weight = np.where(given.charge != 0.0, given.charge / given.mass, 0.0)
-            found.append((given.charge, -self.coulomb["coulomb_constant"] * weight, self.coulomb["softening"]))
+            found.append(PairTerm(given.charge, -self.coulomb["coulomb_constant"] * weight, self.coulomb["softening"]))
         return found
 
     def _lengths(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -208,10 +238,14 @@ class NumpyForces:
         given = self.bodies
         terms = np.zeros_like(position) + np.abs(self.field)
         more = np.zeros_like(position)
-        for source, response, softening in self._pair_forces():
-            size, small = pair_magnitude(position, source, response, softening, rows, limits)
+        for term in self._pair_forces():
+            size, small = pair_magnitude(position, term, rows, limits)
             terms += size
             more += small
+        for law, values in self.field_laws:
+            errors = law.errors(law.acceleration, self._values(values, position, velocity))
+            for axis, error in enumerate(errors):
+                terms[..., axis] += error / ROUNDINGS
         if self.drag:
             terms += self._over_mass(self.drag * np.abs(velocity))
         if self.has_springs:
@@ -244,120 +278,24 @@ class NumpyForces:
         kinetic = 0.5 * np.sum(given.mass[..., None] * velocity * velocity, axis=(1, 2))
         potential = -np.sum(given.mass[..., None] * position * self.field, axis=(1, 2))
         if self.gravity is not None:
-            weight = given.mass * self.gravity["strength"]
-            potential = potential - 0.5 * pair_energy(position, given.mass, weight, self.gravity["softening"])
+            weight = -given.mass * self.gravity["strength"]
+            term = PairTerm(given.mass, weight, self.gravity["softening"])
+            potential = potential + 0.5 * pair_energy(position, term, weight)
         if self.coulomb is not None:
             weight = given.charge * self.coulomb["coulomb_constant"]
-            potential = potential + 0.5 * pair_energy(position, given.charge, weight, self.coulomb["softening"])
+            term = PairTerm(given.charge, weight, self.coulomb["softening"])
+            potential = potential + 0.5 * pair_energy(position, term, weight)
+        for law, live, force in self.pair_laws:
+            source = self._of_particles(law, law.source, live)
+            term = PairTerm(source, source, force.parameters["softening"], law, live)
+            potential = potential + 0.5 * pair_energy(position, term, source)
+        for law, live in self.field_laws:
+            values = self._values(live, position, velocity)
+            potential = potential + np.sum(np.broadcast_to(law.numbers(law.energy, values)[0], given.mass.shape), axis=1)
         if self.has_springs:
             _, length = self._lengths(position)
             potential = potential + 0.5 * np.sum(given.stiffness * (length - given.rest_length) ** 2, axis=1)
         return np.stack([kinetic, potential], axis=1)
-
-
-def pair_sum(
-    position: np.ndarray,
-    source: np.ndarray,
-    response: np.ndarray,
-    softening: float,
-    rows: np.ndarray | None = None,
-    *,
-    threads: int = 1,
-) -> np.ndarray:
-    """a_i = response_i Σ_j source_j d/(|d|² + ε²)^(3/2), (copies, N, 3)."""
-    result = np.zeros_like(position)
-
-    def add(chosen: np.ndarray, away: list[np.ndarray], squared: np.ndarray) -> None:
-        weight = _weights(chosen, squared, source, softening)
-        for axis, way in enumerate(away):
-            result[:, chosen, axis] = np.einsum("bij,bij->bi", weight, way)
-
-    _over_blocks(position, rows, add, threads)
-    return result * response[..., None]
-
-
-def _weights(chosen: np.ndarray, squared: np.ndarray, source: np.ndarray, softening: float) -> np.ndarray:
-    """source_j / ρ³, 0 for a particle itself; infinite for two particles at one place, as in a kernel."""
-    squared += softening * softening
-    weight = squared * np.sqrt(squared)
-    weight[:, np.arange(len(chosen)), chosen] = np.inf
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.divide(source[:, None, :], weight, out=weight)
-
-
-def pair_magnitude(
-    position: np.ndarray, source: np.ndarray, response: np.ndarray, softening: float, rows: np.ndarray, limits: "Limits"
-) -> tuple[np.ndarray, np.ndarray]:
-    """Σ|t_jk|, and the error of a sum by small terms and small numbers: see `NumpyForces.magnitude`."""
-    terms, more = np.zeros_like(position), np.zeros_like(position)
-    scale = np.abs(response)[..., None]
-    greatest = np.abs(source).max(axis=1)[:, None]
-
-    def add(chosen: np.ndarray, away: list[np.ndarray], squared: np.ndarray) -> None:
-        weight = _weights(chosen, squared, np.abs(source), softening)
-        for axis, way in enumerate(away):
-            size = np.abs(way)
-            reach = size.sum(axis=2)
-            size *= weight
-            total = size.sum(axis=2)
-            terms[:, chosen, axis] = total
-            least = limits.unit * total[:, :, None]
-            alike = np.where(size < CONSPIRING * least, np.minimum(size, least), 0.0).sum(axis=2)
-            far = (np.abs(response[:, chosen]) * (greatest + 1.0) + 1.0) * reach + position.shape[1]
-            more[:, chosen, axis] = np.abs(response[:, chosen]) * alike + limits.smallest * far
-
-    _over_blocks(position, rows, add, 1)
-    return scale * terms, more
-
-
-@dataclass(frozen=True)
-class Limits:
-    """The unit of rounding of a precision, and its least normal number, below which a product may be lost."""
-
-    unit: float
-    smallest: float
-
-
-def pair_energy(position: np.ndarray, source: np.ndarray, weight: np.ndarray, softening: float) -> np.ndarray:
-    """Σ_i weight_i Σ_{j≠i} source_j / ρ_ij of each copy."""
-    total = np.zeros(position.shape[:2])
-
-    def add(chosen: np.ndarray, away: list[np.ndarray], squared: np.ndarray) -> None:
-        squared += softening * softening
-        squared[:, np.arange(len(chosen)), chosen] = np.inf
-        total[:, chosen] = weight[:, chosen] * np.einsum("bij,bj->bi", 1.0 / np.sqrt(squared), source)
-
-    _over_blocks(position, None, add, 1)
-    return total.sum(axis=1)
-
-
-def _over_blocks(
-    position: np.ndarray,
-    rows: np.ndarray | None,
-    add: Callable[[np.ndarray, list[np.ndarray], np.ndarray], None],
-    threads: int,
-) -> None:
-    """`add` with (particles, separations from them by component, their squares), a block of particles at a time."""
-    copies, count, _ = position.shape
-    columns = [np.ascontiguousarray(position[:, :, axis]) for axis in range(3)]
-    wanted = np.arange(count) if rows is None else rows
-    size = max(1, BLOCK // (copies * count))
-
-    def one(begin: int) -> None:
-        chosen = wanted[begin : begin + size]
-        away = [column[:, None, :] - column[:, chosen, None] for column in columns]
-        squared = away[0] * away[0]
-        for way in away[1:]:
-            squared += way * way
-        add(chosen, away, squared)
-
-    begins = range(0, len(wanted), size)
-    if threads > 1 and len(begins) > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, begins))
-    else:
-        for begin in begins:
-            one(begin)
 
 
 def sample(count: int, terms: float) -> np.ndarray:
@@ -380,6 +318,15 @@ def perturbed(given: Bodies, amplitude: float, factor: float, copies: int, rando
 
     changed = {name: off(getattr(given, name)) for name in ("charge", "stiffness", "damping", "rest_length", "gain")}
     return replace(given, mass=off(given.mass), **changed)
+
+
+def _numbers(force: Any) -> dict[str, float]:
+    """The live numbers of a formula."""
+    return {name: float(force.parameters[at]) for name, at in live_names(force).items() if name in force.law.live}
+
+
+def _is_moved(field: tuple[Any, Any]) -> bool:
+    return bool(field[0].flags["depends_on_velocity"])
 
 
 def norm(vectors: np.ndarray) -> np.ndarray:

@@ -74,6 +74,11 @@ class PairLaw:
         return self._rounded(self.energy, distance, values).error
 
     @staticmethod
+    def of_particles(program: StepProgram, values: Mapping[str, Any]) -> Any:
+        """`source` or `response` of some particles, by NumPy."""
+        return program.run(ArrayArithmetic, values, values["m"])[0]
+
+    @staticmethod
     def _rounded(program: StepProgram, distance: Any, values: Mapping[str, float]) -> Rounded:
         inverse = Rounded(1.0 / distance, ROUNDINGS_OF_QUOTIENT / distance)
         live = {name: Rounded(value, abs(value)) for name, value in values.items()}
