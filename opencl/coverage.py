@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.scene.formulas.laws import is_formula, live_names
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup, enclosure_of
 
 from .devices import Device, Refused
+from .formula import steps_text
 from .n_body import PairForce
 from .program import REALS
 
@@ -62,6 +65,8 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
             gravity[: spec.dimensions] += np.asarray(known["acceleration"], float)[: spec.dimensions]
         elif force.name == "linear_drag":
             drag += float(known["coefficient"])
+        elif is_formula(force.name):
+            pairs.append(_formula(force, snapshot, precision))
         else:
             pairs.append(_pair_force(force.name, known, snapshot))
     damped = len(snapshot.springs) > 0 and bool((snapshot.springs.damping != 0).any())
@@ -121,6 +126,8 @@ def _offer(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) 
 
 
 def _force_reason(force: ComponentSpec) -> str:
+    if is_formula(force.name) and is_pair_force(force.name):
+        return ""
     if force.name not in FORCES:
         return f"the force {force.name}, there are {', '.join(FORCES)}"
     others = {key: value for key, value in force.parameters.items() if key not in FORCES[force.name]}
@@ -141,6 +148,22 @@ def _contact_reason(spec: SceneSpec) -> str:
     if segments := enclosure_of(spec).segments:
         return f"{segments[0].label}, there are planes, cylinders and spheres"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
+
+
+def _formula(force: ComponentSpec, snapshot: Snapshot, precision: str) -> PairForce:
+    """A pair force by its formula, with numbers for what sliders may move."""
+    law, live = force.law, live_names(force)
+    law = law.with_numbers(tuple((name, float(force.parameters[live[name]])) for name in law.live), ())
+    values = {"m": snapshot.mass, "q": snapshot.charge, "R": snapshot.radius}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [np.broadcast_to(law.of_particles(each, values), snapshot.mass.shape) for each in (law.source, law.response)]
+    if law.flags["proportional_to_charge"]:
+        found = [np.where(snapshot.charge != 0.0, each, 0.0) for each in found]
+    try:
+        text = steps_text(law.shape, precision)
+    except ValueError as error:
+        raise Refused(f"no OpenCL kernel for {force.label}: {error}") from None
+    return PairForce(found[0], found[1], float(force.parameters["softening"]), text)
 
 
 def _pair_force(name: str, known: Mapping[str, Any], snapshot: Snapshot) -> PairForce:

@@ -22,11 +22,15 @@ TILE_ON_CPU = (64, 1)  # work-items are loops there, and compiling many of them 
 
 @dataclass(frozen=True)
 class PairForce:
-    """a_i = response_i Σ_j source_j d / (|d|² + softening²)^(3/2); response and source are (particle_count,)."""
+    """a_i = response_i Σ_j source_j d / (|d|² + softening²)^(3/2); response and source are (particle_count,).
+
+    A `formula` (formula.py) is the text of steps for another law than the inverse cube.
+    """
 
     source: np.ndarray
     response: np.ndarray
     softening: float
+    formula: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class PairSum:
         self.lanes = self._lane_count()
         self._rows: Any = None
         self._row_count = 1
-        self._kernels: dict[tuple[Variant, bool], tuple[Any, ...]] = {}
+        self._kernels: dict[tuple[Variant, bool, str], tuple[Any, ...]] = {}
         self.variant = self._variants[0]
 
     @property
@@ -81,7 +85,8 @@ class PairSum:
         if self._asked is not None:
             return
         count = min(self.count, SAMPLE[self._device.type])
-        key = ("n_body", self._device.id, self._memory.precision, self._softened(self._forces[0]), count)
+        first = self._forces[0]
+        key = ("n_body", self._device.id, self._memory.precision, self._softened(first), count, first.formula)
 
         def attempt(variant: Variant) -> None:
             self._enqueue(variant, 0, count)
@@ -116,6 +121,8 @@ class PairSum:
 
     def _usual(self) -> list[Variant]:
         """What is tried here; the kernels for GPUs are ten times slower on a CPU, and those of vectors as bad on a GPU."""
+        if any(force.formula for force in self._forces):  # the others sum beyond the last body, where a formula may be infinite
+            return [Variant("vectors", 1)] if self._device.type == "cpu" else self._named("naive", False)
         if self._device.type == "cpu":
             return [Variant("vectors", 1), Variant("vectors", 4), Variant("third_law", 1)]
         most = self._device.handle.max_work_group_size
@@ -127,11 +134,11 @@ class PairSum:
         group = {"naive": min(256, self._device.handle.max_work_group_size), "tiled": tile}.get(name, 1)
         return [Variant(name, group, bodies if name == "tiled" else 1, seeded)]
 
-    def _built(self, variant: Variant, softened: bool) -> tuple[Any, ...]:
+    def _built(self, variant: Variant, softened: bool, formula: str) -> tuple[Any, ...]:
         """The kernels of a variant."""
         import pyopencl
 
-        key = (variant, softened)
+        key = (variant, softened, formula)
         if key not in self._kernels:
             definitions: dict[str, Any] = {"SOFTENED": None} if softened else {}
             if variant.seeded:
@@ -140,14 +147,14 @@ class PairSum:
                 definitions |= {"TILE": variant.group, "BODIES": variant.bodies}
             if variant.name in ("vectors", "third_law"):
                 definitions["LANES"] = self.lanes
-            program = build(self._memory.context, ("n_body",), self._memory.precision, definitions)
+            program = build(self._memory.context, ("n_body",), self._memory.precision, definitions, formula)
             names = (variant.name, "add_rows") if variant.name == "third_law" else (variant.name,)
             self._kernels[key] = tuple(pyopencl.Kernel(program, name) for name in names)
         return self._kernels[key]
 
     def _enqueue(self, variant: Variant, number: int, count: int) -> None:
         force, (source, response) = self._forces[number], self._strengths[number]
-        kernels = self._built(variant, self._softened(force))
+        kernels = self._built(variant, self._softened(force), force.formula)
         launch, real = self._memory.launch, self._memory.real
         squared, adds = real(force.softening**2), np.int32(number > 0)
         sizes = np.int32(count), np.int32(self.stride)

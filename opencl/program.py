@@ -22,11 +22,11 @@ def definition(number: float, precision: str) -> str:
     return f"({digits}{'f' if precision == 'f32' else ''})"
 
 
-def build(context: Any, names: tuple[str, ...], precision: str, definitions: dict[str, Any]) -> Any:
-    """The program of these kernel files; a definition of None is one without a value."""
+def build(context: Any, names: tuple[str, ...], precision: str, definitions: dict[str, Any], head: str = "") -> Any:
+    """The program of these kernel files behind a text; a definition of None is one without a value."""
     import pyopencl
 
-    text = "\n".join(read(name) for name in ("numbers", *names))
+    text = head + "\n".join(read(name) for name in ("numbers", *names))
     known: dict[str, Any] = {"REAL": "float" if precision == "f32" else "double"}
     if precision == "f64":
         known["NEEDS_FP64"] = None

@@ -1,6 +1,7 @@
 /* The direct sum over all pairs: a_i = r_i sum_j s_j d/rho^3, rho^2 = |d|^2 + softening^2, d = x_j - x_i.
  *
- * Gravity has r = G and s = m, charges r = -k q/m and s = q. Four kernels, slowest first:
+ * Gravity has r = G and s = m, charges r = -k q/m and s = q. A formula of the scene has g(1/rho) in the place of 1/rho^3; its
+ * steps are FORMULA_STEPS(T), for numbers and vectors of the type T. Four kernels, slowest first:
  *
  *   naive       a work-item a body, everything read from global memory
  *   tiled       the bodies j by tiles in local memory, several bodies i a work-item; for GPUs
@@ -33,6 +34,13 @@ static inline REAL inverse_root(const REAL squared) {
 #endif
 }
 
+#ifdef FORMULA_STEPS
+static inline REAL shape(const REAL u) { FORMULA_STEPS(REAL) }
+#define WEIGHT(source, u) ((source) * shape(u))
+#else
+#define WEIGHT(source, u) ((source) * (u) * ((u) * (u)))
+#endif
+
 static inline void store(const int i, const int stride, const REAL x, const REAL y, const REAL z,
                          __global const REAL *restrict response, __global REAL *restrict sum, const int adds) {
     const REAL r = response[i];
@@ -56,7 +64,7 @@ __kernel void naive(BODIES_OF_SUM) {
             squared = i == j ? 1 : squared;
 #endif
             const REAL inverse = inverse_root(squared);
-            const REAL weight = source[j] * inverse * (inverse * inverse);
+            const REAL weight = WEIGHT(source[j], inverse);
             bx += weight * dx;
             by += weight * dy;
             bz += weight * dz;
@@ -97,7 +105,7 @@ __kernel __attribute__((reqd_work_group_size(TILE, 1, 1))) void tiled(BODIES_OF_
                 squared = begin + j == first + b * TILE ? 1 : squared;
 #endif
                 const REAL inverse = inverse_root(squared);
-                const REAL weight = other.w * inverse * (inverse * inverse);
+                const REAL weight = WEIGHT(other.w, inverse);
                 block[b].x += weight * dx;
                 block[b].y += weight * dy;
                 block[b].z += weight * dz;
@@ -140,6 +148,13 @@ static inline LANE inverse_roots(const LANE squared) {
 #endif
 }
 
+#ifdef FORMULA_STEPS
+static inline LANE shapes(const LANE u) { FORMULA_STEPS(LANE) }
+#define WEIGHTS(source, u) ((source) * shapes(u))
+#else
+#define WEIGHTS(source, u) WEIGHT(source, u)
+#endif
+
 /* Adds the pulls of the bodies begin ... end - 1 on LANES bodies, of which that in lane j - own is body j itself. */
 #define ADD_PULLS(begin, end, OWN)                                                                         \
     for (int j = begin; j < end; j++) {                                                                    \
@@ -147,7 +162,7 @@ static inline LANE inverse_roots(const LANE squared) {
         LANE squared = dx * dx + dy * dy + dz * dz + softening_squared;                                    \
         OWN;                                                                                               \
         const LANE inverse = inverse_roots(squared);                                                       \
-        const LANE weight = source[j] * inverse * (inverse * inverse);                                     \
+        const LANE weight = WEIGHTS(source[j], inverse);                                                   \
         bx += weight * dx;                                                                                 \
         by += weight * dy;                                                                                 \
         bz += weight * dz;                                                                                 \

@@ -36,10 +36,17 @@ def errors_of(scene, by):
     resolved = load_scene(scene).resolved
     for number, entry in enumerate(resolved.get("forces") or ()):
         (name, given) = next(iter(entry.items())) if isinstance(entry, dict) else (entry, None)
-        key = STRENGTHS[name]
+        key = STRENGTHS.get(name) or factor_of(name, given or {})
         yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
     yield from errors_of_springs(resolved, by)
     yield from errors_of_contacts(resolved, 1.0 / by)
+
+
+def factor_of(name, given):
+    """The parameter that a force is proportional to: its formula, where the scene has one, or its strength."""
+    written = [key for key in ("potential", "acceleration") if key in given]
+    strengths = [parameter.name for parameter in component.declaration("forces", name).parameters if parameter.strength]
+    return (written or strengths)[0]
 
 
 def errors_of_springs(resolved, by):

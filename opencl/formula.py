@@ -1,0 +1,45 @@
+"""The law of a pair force that is a formula, as text of a kernel: the steps that NumPy and Taichi compute (scene/formulas/)."""
+
+import math
+from typing import Any
+
+from .program import definition
+
+OPERATORS = ("+", "-", "*", "/")
+FUNCTIONS = {"root": "sqrt", "abs": "fabs"}
+"""Steps that OpenCL calls by another name; it has the others by the same names."""
+
+
+def steps_text(program: Any, precision: str) -> str:
+    """FORMULA_STEPS(T) for numbers or vectors of a type T: the result of a program of one name, u.
+
+    ValueError where a number of the formula is beyond the precision.
+    """
+    lines = []
+    for place, step in enumerate(program.steps):
+        lines.append(f"const T s{place} = {_value(step, precision)};")
+    lines.append(f"return s{program.results[0]};")
+    return "#define FORMULA_STEPS(T) \\\n    " + " \\\n    ".join(lines) + "\n"
+
+
+def _value(step: tuple[Any, ...], precision: str) -> str:
+    operation, *arguments = step
+    if operation == "number":
+        return _number(arguments[0], precision)
+    if operation == "name":
+        return str(arguments[0])
+    if operation == "power":
+        return f"pow(s{arguments[0]}, {_number(arguments[1], precision)})"
+    names = [f"s{each}" for each in arguments]
+    if operation in OPERATORS:
+        return f" {operation} ".join(names)
+    if operation == "chosen":  # of vectors component by component
+        return f"{names[0]} > (T)(0) ? {names[1]} : {names[2]}"
+    return f"{FUNCTIONS.get(operation, operation)}({names[0]})"
+
+
+def _number(value: float, precision: str) -> str:
+    text = definition(value, precision)
+    if not math.isfinite(value) or "inf" in text:
+        raise ValueError(f"{value:g} is no number of {precision}")
+    return f"(T){text}"
