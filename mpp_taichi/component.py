@@ -31,7 +31,7 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
-    *("Formula", "FormulaVector", "Law", "LawVector", "Numbers"),
+    *("Formula", "FormulaVector", "Law", "LawVector", "Numbers", "Groups"),
     *("Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
 )
 REQUIRED = object()
@@ -320,6 +320,7 @@ Numbers = dict  # numbers by the names that a Law gives them
 Particle = int  # index of a particle, given as an index or a name
 Particles = tuple  # a particle or a whole group: first index, count; given by index or name
 Pair = tuple  # two different Particles
+Groups = tuple  # two Particles, each (first, count), which may be the same
 Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes
 Lattice = str  # name of a lattice

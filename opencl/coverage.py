@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
+from mpp_taichi.scene.groups import is_in, shares
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -21,8 +22,8 @@ INTEGRATORS = ("leapfrog", "velocity_verlet", "rk4")
 SOLVERS = ("pairwise",)
 # Parameters of the forces that the kernels know; another one, or another value of `solver`, asks for something else.
 FORCES = {
-    "newtonian_gravity": {"strength", "softening"},
-    "coulomb": {"coulomb_constant", "softening"},
+    "newtonian_gravity": {"strength", "softening", "between"},
+    "coulomb": {"coulomb_constant", "softening", "between"},
     "uniform_gravity": {"acceleration"},
     "linear_drag": {"coefficient"},
 }
@@ -66,9 +67,9 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         elif force.name == "linear_drag":
             drag += float(known["coefficient"])
         elif is_formula(force.name):
-            pairs.append(_formula(force, snapshot, precision))
+            pairs += _between(_formula(force, snapshot, precision), known["between"])
         else:
-            pairs.append(_pair_force(force.name, known, snapshot))
+            pairs += _between(_pair_force(force.name, known, snapshot), known["between"])
     damped = len(snapshot.springs) > 0 and bool((snapshot.springs.damping != 0).any())
     return Problem(
         dimensions=spec.dimensions,
@@ -148,6 +149,17 @@ def _contact_reason(spec: SceneSpec) -> str:
     if segments := enclosure_of(spec).segments:
         return f"{segments[0].label}, there are planes, cylinders and spheres"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
+
+
+def _between(force: PairForce, between: Any) -> list[PairForce]:
+    """The terms of a force between two groups of particles."""
+    if between is None:
+        return [force]
+    index = np.arange(len(force.source))
+    return [
+        replace(force, source=sign * force.source * is_in(acts, index), response=force.response * is_in(responds, index))
+        for responds, acts, sign in shares(*between)
+    ]
 
 
 def _formula(force: ComponentSpec, snapshot: Snapshot, precision: str) -> PairForce:

@@ -5,12 +5,13 @@ A force is a term a_i = r_i Σ_j s_j g(ρ) d: g = 1/ρ³ of gravity and of charg
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
+from mpp_taichi.scene.groups import is_in, shares
 
 BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
 # Roundings, in units of 2⁻²⁴ or 2⁻⁵³, of one term of a force as a kernel may compute it, worst case throughout. Of OpenCL and
@@ -39,6 +40,17 @@ class PairTerm:
     def name(self) -> str:
         """The kind of the law."""
         return "1/ρ³" if self.law is None else "formula"
+
+
+def between_groups(term: PairTerm, between: Any) -> list[PairTerm]:
+    """The terms of a force between two groups, which together are the force; the term itself where it acts between all."""
+    if between is None:
+        return [term]
+    everyone = np.arange(term.source.shape[-1])
+    return [
+        replace(term, source=sign * term.source * is_in(acts, everyone), response=term.response * is_in(responds, everyone))
+        for responds, acts, sign in shares(*between)
+    ]
 
 
 def pair_sum(position: np.ndarray, term: PairTerm, rows: np.ndarray | None = None, *, threads: int = 1) -> np.ndarray:

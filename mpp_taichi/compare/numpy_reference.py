@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi import component
-from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, pair_energy, pair_magnitude, pair_sum
+from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, between_groups, pair_energy, pair_magnitude, pair_sum
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
+from mpp_taichi.scene.groups import is_in
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 DIRECT = "direct"  # the solver of a force that sums over all pairs
 KNOWN_FORCES = {  # each with the parameters that the reference supports
-    "newtonian_gravity": ("strength", "softening", "solver", "accuracy"),
-    "coulomb": ("coulomb_constant", "softening"),
+    "newtonian_gravity": ("strength", "softening", "solver", "accuracy", "between"),
+    "coulomb": ("coulomb_constant", "softening", "between"),
     "uniform_gravity": ("acceleration",),
     "linear_drag": ("coefficient",),
 }
@@ -112,7 +113,11 @@ class NumpyForces:
         self.full = spec.spring_damping == "full"
         formulas = [(force.law, _numbers(force), force) for force in spec.forces if is_formula(force.name)]
         self.pair_laws = [each for each in formulas if is_pair_force(each[2].name)]
-        self.field_laws = [(law, values) for law, values, force in formulas if not is_pair_force(force.name)]
+        fields = [each for each in formulas if not is_pair_force(each[2].name)]
+        self.field_laws = [(law, values) for law, values, _ in fields]
+        everyone = np.arange(given.mass.shape[1])
+        all_feel = (0, len(everyone))
+        self.felt = {id(law): is_in(force.parameters["on"] or all_feel, everyone) for law, _, force in fields}
         self.has_springs = len(given.between) > 0
         self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping)) or any(map(_is_moved, self.field_laws))
 
@@ -172,7 +177,7 @@ class NumpyForces:
         result = np.zeros_like(position)
         for axis, rate in enumerate(law.numbers(law.acceleration, self._values(values, position, velocity))):
             result[..., axis] = rate
-        return result
+        return result * self.felt[id(law)][None, :, None]
 
     def _values(self, live: dict[str, float], position: np.ndarray, velocity: np.ndarray) -> dict[str, Any]:
         """The numbers of a formula of a place."""
@@ -189,17 +194,21 @@ class NumpyForces:
 
     def _pair_forces(self) -> list[PairTerm]:
         """The pair forces."""
-        given, found = self.bodies, []
+        given: Any = self.bodies
+        found: list[PairTerm] = []
         for law, live, force in self.pair_laws:
             source, response = (self._of_particles(law, each, live) for each in (law.source, law.response))
-            found.append(PairTerm(source, response, force.parameters["softening"], law, live))
+            term = PairTerm(source, response, force.parameters["softening"], law, live)
+            found += between_groups(term, force.parameters["between"])
         if self.gravity is not None:
             strength = np.full_like(given.mass, self.gravity["strength"])
-            found.append(PairTerm(given.mass, strength, self.gravity["softening"]))
+            term = PairTerm(given.mass, strength, self.gravity["softening"])
+            found += between_groups(term, self.gravity.get("between"))
         if self.coulomb is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 weight = np.where(given.charge != 0.0, given.charge / given.mass, 0.0)
-            found.append(PairTerm(given.charge, -self.coulomb["coulomb_constant"] * weight, self.coulomb["softening"]))
+            term = PairTerm(given.charge, -self.coulomb["coulomb_constant"] * weight, self.coulomb["softening"])
+            found += between_groups(term, self.coulomb.get("between"))
         return found
 
     def _lengths(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -280,18 +289,19 @@ class NumpyForces:
         if self.gravity is not None:
             weight = -given.mass * self.gravity["strength"]
             term = PairTerm(given.mass, weight, self.gravity["softening"])
-            potential = potential + 0.5 * pair_energy(position, term, weight)
+            potential = potential + _energy(position, term, self.gravity.get("between"))
         if self.coulomb is not None:
             weight = given.charge * self.coulomb["coulomb_constant"]
             term = PairTerm(given.charge, weight, self.coulomb["softening"])
-            potential = potential + 0.5 * pair_energy(position, term, weight)
+            potential = potential + _energy(position, term, self.coulomb.get("between"))
         for law, live, force in self.pair_laws:
             source = self._of_particles(law, law.source, live)
             term = PairTerm(source, source, force.parameters["softening"], law, live)
-            potential = potential + 0.5 * pair_energy(position, term, source)
+            potential = potential + _energy(position, term, force.parameters["between"])
         for law, live in self.field_laws:
             values = self._values(live, position, velocity)
-            potential = potential + np.sum(np.broadcast_to(law.numbers(law.energy, values)[0], given.mass.shape), axis=1)
+            energy = np.broadcast_to(law.numbers(law.energy, values)[0], given.mass.shape)
+            potential = potential + np.sum(energy * self.felt[id(law)], axis=1)
         if self.has_springs:
             _, length = self._lengths(position)
             potential = potential + 0.5 * np.sum(given.stiffness * (length - given.rest_length) ** 2, axis=1)
@@ -323,6 +333,11 @@ def perturbed(given: Bodies, amplitude: float, factor: float, copies: int, rando
 def _numbers(force: Any) -> dict[str, float]:
     """The live numbers of a formula."""
     return {name: float(force.parameters[at]) for name, at in live_names(force).items() if name in force.law.live}
+
+
+def _energy(position: np.ndarray, term: PairTerm, between: Any) -> np.ndarray:
+    """The energy of a pair force of each copy; the response of the term is the weight of a particle in it."""
+    return 0.5 * np.sum([pair_energy(position, each, each.response) for each in between_groups(term, between)], axis=0)
 
 
 def _is_moved(field: tuple[Any, Any]) -> bool:

@@ -11,6 +11,7 @@ from mpp_taichi.arithmetic.kernel_number import NumberVector
 from mpp_taichi.arithmetic.particle_update import position_seen, velocity_seen, wide_position
 from mpp_taichi.arithmetic.traced import entry_of, traced
 from mpp_taichi.forces._base import ExternalForce, PairForce
+from mpp_taichi.forces._between import is_in
 from mpp_taichi.scene.formulas.external_law import MOTION, PLACE, PUSH, ExternalLaw
 from mpp_taichi.scene.formulas.pair_law import QUANTITIES, PairLaw
 
@@ -87,6 +88,7 @@ class FormulaField(ExternalForce):
 
     is_formula = True
     takes_any_numbers = True
+    on: tuple[int, int] | None = None
     law: ExternalLaw
     live: Mapping[str, str]
 
@@ -100,18 +102,18 @@ class FormulaField(ExternalForce):
     @traced
     def accelerate(self, state: Any, i: Any, velocity: Any, time: Any) -> Any:
         """The acceleration of particle i."""
-        return self._vector(state, self.law.acceleration, self._values(state, i, velocity, time))
+        return self._vector(state, i, self.law.acceleration, self._values(state, i, velocity, time))
 
     @traced
     def derivatives(self, state: Any, i: Any, time: Any) -> Any:
         """First and second derivative of the acceleration along the motion."""
         values = self._values(state, i, velocity_seen(state, i), time)
-        jerk = self._vector(state, self.law.jerk, values)
+        jerk = self._vector(state, i, self.law.jerk, values)
         if not hasattr(state, "estimate"):  # of a method that sums no snaps
             return [jerk, zero_vector(state)]
         push = entry_of(state.estimate, i)
         values |= {name: _component(push, k) for k, name in enumerate(PUSH[: state.dimensions])}
-        return [jerk, self._vector(state, self.law.snap, values)]
+        return [jerk, self._vector(state, i, self.law.snap, values)]
 
     @traced
     def potential(self, state: Any, i: Any, time: Any) -> Any:
@@ -121,7 +123,8 @@ class FormulaField(ExternalForce):
         names = set(QUANTITIES) & self.law.energy.names
         values |= {name: wide_number(state, entry_of(getattr(state, QUANTITIES[name]), i)) for name in names}
         values |= {name: wide_number(state, parameter(state, getattr(self, at))) for name, at in self.live.items()}
-        return ti.cast(self.law.energy.run(KernelArithmetic, values, 0.0)[0], state.wide)
+        energy = ti.cast(self.law.energy.run(KernelArithmetic, values, 0.0)[0], state.wide)
+        return energy if self.on is None else ti.select(is_in(state, i, self.on), energy, 0.0)
 
     def _values(self, state: Any, i: Any, velocity: Any, time: Any) -> dict[str, Any]:
         used = self.law.acceleration.names | self.law.jerk.names | self.law.snap.names
@@ -135,9 +138,12 @@ class FormulaField(ExternalForce):
         values |= {name: parameter(state, getattr(self, at)) for name, at in self.live.items()}
         return values | {"t": parameter(state, time) if state.number_kind is not None else time}
 
-    def _vector(self, state: Any, program: Any, values: Mapping[str, Any]) -> Any:
+    def _vector(self, state: Any, i: Any, program: Any, values: Mapping[str, Any]) -> Any:
         one = parameter(state, 1.0)
         numbers = [one * each if isinstance(each, float) else each for each in program.run(KernelArithmetic, values, one)]
+        if self.on is not None:
+            felt = is_in(state, i, self.on)
+            numbers = [where(felt, each, 0.0) for each in numbers]
         return NumberVector(numbers) if not has_plain_numbers(state) else ti.lang.matrix.make_matrix(numbers, float)
 
 

@@ -17,6 +17,7 @@ from mpp_taichi.arithmetic.particle_update import velocity_seen, wide_velocity
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
+from mpp_taichi.forces._between import parts_of
 from mpp_taichi.scene.formulas.laws import PREFIX, live_names
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -80,7 +81,7 @@ class TotalForce:
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
         self.dimensions = dimensions
-        pairs = tuple(force for force in forces if isinstance(force, PairForce))
+        pairs = tuple(part for force in forces if isinstance(force, PairForce) for part in parts_of(force))
         self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import is_not_zero, parameter, where, wide_number
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, component, param
 from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
 
@@ -19,6 +19,7 @@ class Coulomb(InverseSquareForce):
         1.0, strength=True, slider=True, unit="force length² charge⁻²", help="Coulomb's constant k = 1/(4πε₀)"
     )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     needs = frozenset({"charge", "mass"})
     has_derivatives = True
     proportional_to_charge = True

@@ -1,6 +1,6 @@
 """A force on each particle that is written in the scene."""
 
-from mpp_taichi.component import Law, LawVector, Numbers, component, param
+from mpp_taichi.component import Law, LawVector, Numbers, Particles, component, param
 from mpp_taichi.forces._formula import FormulaField
 
 
@@ -28,4 +28,5 @@ class External(FormulaField):
         help="acceleration, a formula for each axis, in place of a potential",
     )
     parameters: Numbers = param({}, slider=True, help="numbers by the names that the formula gives them")
+    on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
     name: str = param(None, optional=True, help="a name for messages and for the paths of sliders, such as trap")

@@ -1,6 +1,6 @@
 """Lennard-Jones potential between all pairs."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -15,4 +15,8 @@ class LennardJones(FormulaPair):
     strength: float = param(1.0, strength=True, slider=True, unit="energy", help="ε, the depth of the well")
     length: float = param(above=0.0, slider=True, unit="length", help="σ, the distance at which V is 0")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = "4*strength*((length/r)^12 - (length/r)^6)"

@@ -1,6 +1,6 @@
 """Logarithmic potential between all masses: gravity in the plane."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -14,4 +14,8 @@ class Logarithmic(FormulaPair):
 
     strength: float = param(1.0, strength=True, slider=True, unit="energy mass⁻²", help="G")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = "strength*m1*m2*log(r)"

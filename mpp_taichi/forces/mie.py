@@ -1,6 +1,6 @@
 """Mie potential between all pairs."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -16,6 +16,10 @@ class Mie(FormulaPair):
     repulsion: float = param(12.0, above=0.0, unit="1", help="n, the exponent of the repulsion, larger than m")
     attraction: float = param(6.0, above=0.0, unit="1", help="m, the exponent of the attraction")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = (
         "strength*repulsion/(repulsion - attraction)*(repulsion/attraction)^(attraction/(repulsion - attraction))"
         "*((length/r)^repulsion - (length/r)^attraction)"

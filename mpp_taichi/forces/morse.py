@@ -1,6 +1,6 @@
 """Morse potential between all pairs."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -17,4 +17,8 @@ class Morse(FormulaPair):
     steepness: float = param(1.0, above=0.0, slider=True, unit="length⁻¹", help="a, the inverse of the width of the well")
     length: float = param(above=0.0, slider=True, unit="length", help="r₀, the length of a bond at rest")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = "strength*((1 - exp(-steepness*(r - length)))^2 - 1)"

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import parameter, wide_number
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, component, param
 from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
 
@@ -39,6 +39,7 @@ class NewtonianGravity(InverseSquareForce):
         maximum=0.1,
         help="only for tree: relative error of the force that 99 % of the particles keep; absent: 1e-3",
     )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     needs = frozenset({"mass"})
     has_derivatives = True
     gravitates = True

@@ -1,6 +1,6 @@
 """A pair force whose potential is written in the scene."""
 
-from mpp_taichi.component import Law, Numbers, component, param
+from mpp_taichi.component import Groups, Law, Numbers, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -10,8 +10,9 @@ class Pair(FormulaPair):
 
     The formula may use r, the mass, charge and radius of both particles (m1, q1, R1 and m2, q2, R2), the constants of the
     scene and `parameters`. It is a function of r times the same function of either particle, such as `q1*q2/r`: then the two
-    forces of a pair are opposite, and momentum is conserved. With a softening ε > 0, r is √(|d|² + ε²). The derivatives that
-    methods ask for are formed by SymPy and checked against differences of V before the run.
+    forces of a pair are opposite, and momentum is conserved. At a cutoff, which may be a formula of the numbers, the force ends
+    with a jump, and V is shifted so that it is 0 beyond. With a softening ε > 0, r is √(|d|² + ε²). SymPy forms the derivatives
+    that methods ask for; they are checked against differences of V before the run.
     """
 
     potential_: Law = param(
@@ -19,4 +20,8 @@ class Pair(FormulaPair):
     )
     parameters: Numbers = param({}, slider=True, help="numbers by the names that the formula gives them")
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     name: str = param(None, optional=True, help="a name for messages and for the paths of sliders, such as lennard_jones")

@@ -1,6 +1,6 @@
 """Van der Waals attraction between all pairs."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -13,4 +13,8 @@ class VanDerWaals(FormulaPair):
 
     strength: float = param(1.0, strength=True, slider=True, unit="energy length⁶", help="C")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = "-strength/r^6"

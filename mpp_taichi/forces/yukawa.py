@@ -1,6 +1,6 @@
 """Screened Coulomb force between all charges."""
 
-from mpp_taichi.component import component, param
+from mpp_taichi.component import Groups, Law, component, param
 from mpp_taichi.forces._formula import FormulaPair
 
 
@@ -15,4 +15,8 @@ class Yukawa(FormulaPair):
     strength: float = param(1.0, strength=True, slider=True, unit="energy length charge⁻²", help="k")
     length: float = param(above=0.0, slider=True, unit="length", help="λ, the length of the screening")
     softening: float = param(0.0, minimum=0.0, unit="length", help="radius inside which the force is softened")
+    cutoff: Law = param(
+        None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
+    )
+    between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
     formula = "strength*q1*q2*exp(-r/length)/r"

@@ -24,6 +24,9 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         if entry.label in names[:number]:
             cure = "; give each a name: of its own" if "name" in entry.parameters else ""
             faults.add(entry.location, f"forces[{number}]", f"{entry.label} is in the list already, allowed: once{cure}")
+        if entry.parameters.get("between") is not None and entry.parameters.get("solver", "direct") != "direct":
+            told = "a tree sums gravity between all bodies, allowed: solver: direct"
+            faults.add(entry.location, f"forces[{number}].{entry.name}.between", told)
         if not any(entry.parameters.get("direction", (1.0,))):
             faults.add(entry.location, f"forces[{number}].{entry.name}.direction", "must not be [0, 0, 0]")
 

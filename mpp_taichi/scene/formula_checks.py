@@ -15,6 +15,7 @@ import numpy as np
 from mpp_taichi.scene.expressions import parse
 from mpp_taichi.scene.formulas.grammar import kinks
 from mpp_taichi.scene.formulas.laws import is_formula, live_names, texts_of
+from mpp_taichi.scene.groups import acts, is_in
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -62,7 +63,7 @@ def distances(entry: Any, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, n
     first, second = (which[each] for each in np.triu_indices(len(which), 1))
     apart = snapshot.position[second] - snapshot.position[first]
     squared = np.sum(apart * apart, axis=1) + entry.parameters.get("softening", 0.0) ** 2
-    seen = np.flatnonzero(squared > 0.0)
+    seen = np.flatnonzero((squared > 0.0) & acts(entry, first, second))
     return first[seen], second[seen], np.sqrt(squared[seen])
 
 
@@ -94,6 +95,8 @@ def _pair_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iter
 def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     which, law = chosen(snapshot.particle_count), entry.law
     which = which[np.any(snapshot.free[which], axis=1)]
+    if entry.parameters["on"] is not None:
+        which = which[is_in(entry.parameters["on"], which)]
     if not len(which):
         return
     given = field_values(entry, snapshot, which)

@@ -33,6 +33,8 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
     attractions = spec.forces_with("gravitates")
     if others:
         faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(others)}")
+    elif grouped := [force.label for force in spec.forces if force.parameters.get("between") is not None]:
+        faults.add(place, key, f"takes forces between all bodies ({reason}), not {', '.join(grouped)} with between:")
     elif not spec.forces:
         faults.add(place, key, f"needs {', '.join(known)}: {reason}")
     elif len(attractions) > 1:

@@ -35,6 +35,7 @@ def field_of(parameter: Parameter) -> Field:
         "Numbers": Numbers,
         "Particle": fields.Reference,
         "Particles": fields.Reference,
+        "Groups": lambda: fields.ListOf(fields.Reference(), (2,), "particles or groups"),
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
         "Path": fields.FileBeside,
         "Lattice": Text,

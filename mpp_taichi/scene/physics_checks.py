@@ -9,6 +9,7 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.acting import is_switched_off
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.formulas.laws import is_formula
+from mpp_taichi.scene.groups import acts
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
@@ -123,6 +124,7 @@ def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -
         interacting = np.flatnonzero(snapshot.charge) if charged else np.arange(snapshot.particle_count)
         order = interacting[np.lexsort(snapshot.position[interacting].T)]
         same = np.all(snapshot.position[order[1:]] == snapshot.position[order[:-1]], axis=1)
+        same &= acts(entry, order[1:], order[:-1])
         if entry.flag("forces", "proportional_to_mass"):  # one of the two masses is enough
             same &= (snapshot.mass[order[1:]] != 0.0) | (snapshot.mass[order[:-1]] != 0.0)
         for row in np.flatnonzero(same):

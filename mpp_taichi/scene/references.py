@@ -15,7 +15,7 @@ from mpp_taichi.scene.model import KIND_OF_KEY
 from mpp_taichi.scene.spec import ComponentSpec, Expectation, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
 
-_NAMING = ("Particle", "Particles", "Pair", "ModeNumbers")  # types of parameters that name particles or a lattice
+_NAMING = ("Particle", "Particles", "Groups", "Pair", "ModeNumbers")  # types of parameters that name particles or a lattice
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
@@ -100,11 +100,14 @@ class _Finder:
     def parameters(self, given: dict[str, Any], declared: Declaration | None, path: tuple[Any, ...]) -> dict[str, Any]:
         found = dict(given)
         for parameter in declared.parameters if declared else ():
-            value = given[parameter.name]
+            value = given.get(parameter.name)
             if parameter.type == "Particle" and value is not None:
                 found[parameter.name] = self._find(value, (*path, parameter.name))
             elif parameter.type == "Particles" and value is not None:
                 found[parameter.name] = self.group(value, (*path, parameter.name))
+            elif parameter.type == "Groups" and value is not None:
+                ends = (self.group(each, (*path, parameter.name, end)) for end, each in enumerate(value))
+                found[parameter.name] = tuple(ends)
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))

@@ -59,7 +59,14 @@ def law_of(entry: Any) -> Any:
         return external_law(text, rates, dimensions, fixed, live)
     from mpp_taichi.scene.formulas.pair_law import pair_law
 
-    return pair_law(str(text or component.flag("forces", entry.name, "formula")), fixed, live)
+    cutoff = entry.parameters.get("cutoff")
+    written = str(text or component.flag("forces", entry.name, "formula"))
+    return pair_law(written, fixed, live, None if cutoff is None else str(cutoff))
+
+
+def is_cut(error: ExpressionError) -> bool:
+    """Whether a fault is in the formula of a cutoff."""
+    return bool(getattr(error, "of_cutoff", False))
 
 
 def live_names(entry: Any) -> dict[str, str]:
@@ -70,7 +77,8 @@ def live_names(entry: Any) -> dict[str, str]:
 def _numbers(entry: Any) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
     """Fixed numbers of a formula by name, and the names of those that are live."""
     given: dict[str, float] = {}
-    for text in texts_of(entry):
+    cutoff = entry.parameters.get("cutoff")
+    for text in (*texts_of(entry), *([] if cutoff is None else [cutoff])):
         given |= text.constants
     for name, value in entry.parameters.items():
         if name.startswith(PREFIX) or (isinstance(value, float) and component.flag("forces", entry.name, "formula")):
@@ -82,8 +90,9 @@ def _numbers(entry: Any) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]
 def texts_of(entry: Any) -> list[FormulaText]:
     """The formulas that stand in a scene for a force."""
     found = []
-    for value in entry.parameters.values():
-        found += [each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, FormulaText)]
+    for key, value in entry.parameters.items():
+        if key != "cutoff":
+            found += [each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, FormulaText)]
     return found
 
 
@@ -127,6 +136,8 @@ def _check_law(entry: Any, body: Node, key: str, faults: Faults) -> None:
     try:
         law_of(entry)
     except ExpressionError as error:
+        if is_cut(error):
+            place, written = body.value["cutoff"], ["cutoff"]
         name = ".".join([key, *written])
         if isinstance(place.value, list):
             which = getattr(error, "formula", 0)

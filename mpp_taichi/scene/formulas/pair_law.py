@@ -27,7 +27,7 @@ NAMES = (DISTANCE, *(f"{letter}{end}" for letter in QUANTITIES for end in (1, 2)
 _U = sympy.Symbol("u", positive=True)
 
 
-_PROGRAMS = ("shape", "slope", "curvature", "energy", "source", "response")
+_PROGRAMS = ("shape", "slope", "curvature", "energy", "source", "response", "reach")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,8 @@ class PairLaw:
     """The quantities of particles that the force reads."""
     live: tuple[str, ...]
     """The names whose numbers may change in a run."""
+    reach: StepProgram
+    """The cutoff, of the numbers; infinite where there is none."""
 
     def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "PairLaw":
         """The law with numbers for the `fixed` names."""
@@ -60,6 +62,11 @@ class PairLaw:
         functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
         flags = {**self.flags, "has_functions": functions, "takes_low_parts": not functions}
         return replace(self, **changed, flags=flags, live=live)
+
+    def reach_at(self, values: Mapping[str, float]) -> float:
+        """The distance beyond which there is no force."""
+        with np.errstate(all="ignore"):
+            return float(self.reach.run(ArrayArithmetic, {k: np.float64(v) for k, v in values.items()}, 0.0)[0])
 
     def energy_at(self, distance: Any, values: Mapping[str, float]) -> Any:
         """U at some distances, by NumPy."""
@@ -92,17 +99,21 @@ class PairLaw:
         return program.run(ArrayArithmetic, {"u": inverse, **live}, inverse)[0]
 
 
-def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> PairLaw:
+def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...], cutoff: str | None = None) -> PairLaw:
     """The law of the potential `text`, with numbers for the `fixed` names; those of `live` may change in a run.
 
-    ExpressionError, with the character in the text, where it is no potential of a pair.
+    Beyond the `cutoff`, a formula of the same names, there is no force, and U is shifted to be 0 there. ExpressionError, with
+    the character in the text, where it is no potential of a pair; CutoffError where the cutoff is no distance.
     """
     exponents, others = split_numbers(text, fixed)
-    return _derived(text, exponents, (*(name for name, _ in others), *live)).with_numbers(others, live)
+    law = _derived(text, exponents, (*(name for name, _ in others), *live), cutoff).with_numbers(others, live)
+    if cutoff is not None and not live and not law.reach_at({}) > 0.0:
+        raise CutoffError(f"{law.reach_at({}):g} is not allowed, must be above 0")
+    return law
 
 
 @lru_cache(maxsize=256)
-def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...]) -> PairLaw:
+def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...], cutoff: str | None) -> PairLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
     expression = parse(text)
     values: dict[str, Any] = {name: sympy.Symbol(name, positive=True) for name in NAMES}
@@ -118,7 +129,12 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
         has_more = has_more and is_short(derivatives[-1]) and is_short(more)
         derivatives.append(more if has_more else sympy.Integer(0))
     mass, charge = sympy.Symbol("m", positive=True), sympy.Symbol("q", real=True)
-    shape, slope, curvature, energy = (StepProgram.of([each], ("u",), ("u",)) for each in (*derivatives, _tidy(alone)))
+    energy, within = _tidy(alone), None
+    reach = sympy.oo if cutoff is None else _reach(cutoff, values)
+    if cutoff is not None:
+        within = _U - 1 / reach
+        energy = energy - alone.subs(_U, 1 / reach)
+    shape, slope, curvature, energy = (StepProgram.of([each], ("u",), ("u",), within) for each in (*derivatives, energy))
     source, response = (StepProgram.of([each], tuple(QUANTITIES)) for each in (factor, sympy.powsimp(factor / mass)))
     flags = {
         "proportional_to_mass": factor.has(mass) and (factor / mass).subs(mass, 0).is_finite is not False,
@@ -126,7 +142,29 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
         "has_derivatives": has_more,
     }
     needs = {QUANTITIES[name] for name in source.names | response.names if name in QUANTITIES}
-    return PairLaw(shape, slope, curvature, energy, source, response, flags, frozenset(needs | {"mass"}), ())
+    return PairLaw(
+        shape, slope, curvature, energy, source, response, flags, frozenset(needs | {"mass"}), (), StepProgram.of([reach], ())
+    )
+
+
+class CutoffError(ExpressionError):
+    """A fault in the formula of a cutoff."""
+
+    of_cutoff = True
+
+
+def _reach(text: str, values: Mapping[str, Any]) -> Any:
+    """The cutoff as an expression of the numbers of a formula."""
+    try:
+        expression = parse(text)
+        numbers = {name: value for name, value in values.items() if name not in NAMES}
+        expression.check_names(numbers)
+        reach = symbolic(expression, numbers)
+    except ExpressionError as error:
+        raise CutoffError(str(error), error.offset) from None
+    if reach.is_number and not reach > 0:
+        raise CutoffError(f"{float(reach):g} is not allowed, must be above 0")
+    return reach
 
 
 def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:

@@ -30,15 +30,21 @@ class StepProgram:
         self._shared = {place for place, count in used.items() if count > 1}
 
     @classmethod
-    def of(cls, expressions: Sequence[Any], variables: Collection[str], inverted: Collection[str] = ()) -> "StepProgram":
+    def of(
+        cls, expressions: Sequence[Any], variables: Collection[str], inverted: Collection[str] = (), within: Any = None
+    ) -> "StepProgram":
         """The program of SymPy expressions; all names but the `variables` are numbers, which are multiplied first.
 
-        Of the `inverted` names the inverse is computed once.
+        Of the `inverted` names the inverse is computed once. Where an expression `within` is given and not above 0, results are
+        0.
         """
         from mpp_taichi.scene.formulas.lowering import Lowering  # with SymPy
 
         made = Lowering(variables, inverted)
         results = [made.lower(each) for each in expressions]
+        if within is not None:
+            inside = made.lower(within)
+            results = [made.step("chosen", inside, each, made.step("number", 0.0)) for each in results]
         return cls(made.steps, results)
 
     def with_numbers(self, values: Mapping[str, float]) -> "StepProgram":

@@ -94,7 +94,9 @@ class RoundingArithmetic:
 
     @staticmethod
     def chosen(condition: Rounded, one: Rounded, other: Rounded) -> Rounded:
-        """One number where the condition is above 0, else the other."""
+        """One number where the condition is above 0, else the other; where rounding in f32 may decide, no error is excluded."""
         above = condition.value > 0.0
         value = np.where(above, one.value, other.value)
-        return Rounded(value, np.where(above, one.error, other.error))
+        undecided = np.abs(condition.value) <= 2.0**-23 * condition.error
+        jump = np.where(undecided, 2.0**53 * np.abs(one.value - other.value), 0.0)
+        return Rounded(value, np.where(above, one.error, other.error) + jump)
