@@ -93,7 +93,7 @@ def force(made: Any) -> Any:
 
 def _of_function(function: Callable[..., Any]) -> Callable[..., dict[str, Any]]:
     name = function.__name__
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    tree = ast.parse(_text_of(function)).body[0]
     assert isinstance(tree, ast.FunctionDef)
     body = [line for line in tree.body if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))]
     if len(body) != 1 or not isinstance(body[0], ast.Return) or body[0].value is None:
@@ -111,6 +111,15 @@ def _of_function(function: Callable[..., Any]) -> Callable[..., dict[str, Any]]:
 
     entry.__name__, entry.__doc__ = name, function.__doc__
     return entry
+
+
+def _text_of(made: Any) -> str:
+    """The source text of a function or of a class."""
+    try:
+        return textwrap.dedent(inspect.getsource(made))
+    except (OSError, TypeError):
+        told = "its source text cannot be read, as in an interactive Python; write it into a file or a notebook"
+        raise ComponentError(f"{made.__name__}: {told}") from None
 
 
 class _Bare(ast.NodeTransformer):
@@ -133,7 +142,7 @@ def _of_class(made: type) -> type:
     if not _scripts:
         _scripts.append(tempfile.TemporaryDirectory(prefix="mpp_taichi_forces_"))
     folder = Path(_scripts[0].name)
-    lines = textwrap.dedent(inspect.getsource(made)).splitlines()
+    lines = _text_of(made).splitlines()
     begin = next(k for k, line in enumerate(lines) if line.startswith("class "))
     file = folder / "forces" / f"{name}.py"
     file.parent.mkdir(exist_ok=True)

@@ -15,7 +15,7 @@ import yaml
 from doc_commands import ROOT, Block, blocks, pages
 from test_convert import PLANETS
 
-from mpp_taichi import MppError
+from mpp_taichi import MppError, component
 from mpp_taichi.cli.main import VERBS, _parser, _with_verb, main
 from mpp_taichi.passport.carried import carrying
 from mpp_taichi.recorders.video import VideoRecorder
@@ -56,7 +56,8 @@ LARGEST_PLACED = 10_000  # particles of a scene that are placed here; more take 
 def folder(tmp_path_factory):
     """A working directory as the pages have it: the scenes, and the files that a reader is said to have."""
     made = tmp_path_factory.mktemp("docs")
-    (made / "scenes").symlink_to(ROOT / "scenes")
+    for name in ("scenes", "docs"):  # of the pages too, since a function that is a force is read from the text of its page
+        (made / name).symlink_to(ROOT / name)
     (made / "planets.txt").write_text(PLANETS, encoding="utf-8")
     (made / "out").mkdir()
     # What --rewind goes on from: a run that was broken off at its start.
@@ -155,6 +156,10 @@ class Reader:
     def python(self, block: Block):
         """Run it; blocks of a page follow each other, as cells of a notebook."""
         code = compile("\n" * (block.line - 1) + block.text, block.page, "exec")
+        if name := saved_as(block):
+            Path(name).parent.mkdir(parents=True, exist_ok=True)
+            Path(name).write_text(block.text, encoding="utf-8")
+            return
         try:
             exec(code, self.namespace)
         except Exception as error:
@@ -177,7 +182,7 @@ def saved_as(block: Block) -> str | None:
     page = ROOT / block.page
     lines = page.read_text(encoding="utf-8").splitlines()[: block.line - 2] if page.is_file() else []
     above = next((line for line in reversed(lines) if line.strip()), "")
-    told = re.search(r"[Ss]ave (?:it|this text) as `([\w.]+\.yaml)`", above)
+    told = re.search(r"[Ss]ave (?:it|this text) as `([\w./]+\.(?:yaml|py))`", above)
     return told[1] if told else None
 
 
@@ -243,6 +248,8 @@ def assert_works(page, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(component, "extra_folders", [])
+    monkeypatch.setenv(component.FOLDERS_VARIABLE, "")
     reader = Reader()
     for block in blocks(page):
         reader.follow(block)

@@ -192,29 +192,29 @@ def test_the_parallel_plan_of_a_gpu_agrees_with_the_cpu(software_vulkan):
     assert np.abs(ends[0] - ends[1]).max() < 20 * 2 * 30 * 2.0**-52
 
 
-FORCE = '''"""Yukawa's force, without derivatives."""
+FORCE = '''"""A screened force, without derivatives."""
 import taichi as ti
 from mpp_taichi.component import component
 from mpp_taichi.forces._base import PairForce
 
 @component
-class Yukawa(PairForce):
+class Screened(PairForce):
     """Screened attraction."""
 '''
 
 
 def test_forces_without_derivatives_are_refused_by_name(tmp_path):
     (tmp_path / "forces").mkdir()
-    (tmp_path / "forces" / "yukawa.py").write_text(FORCE, encoding="utf-8")
+    (tmp_path / "forces" / "screened.py").write_text(FORCE, encoding="utf-8")
     component.extra_folders.append(tmp_path)
     try:
-        scene = kepler(integrator="hermite4", forces=[{"yukawa": {}}])
+        scene = kepler(integrator="hermite4", forces=[{"screened": {}}])
         with pytest.raises(
-            SceneError, match="hermite4: needs the derivative of every force, which yukawa lacks, allowed: coul"
+            SceneError, match="hermite4: needs the derivative of every force, which screened lacks, allowed: coul"
         ):
             load_scene(scene)
         # The accuracy sweep asks the same before it tries a method on a scene.
-        assert refused_formulas("hermite6", load_scene(kepler(integrator="leapfrog", forces=[{"yukawa": {}}])))
+        assert refused_formulas("hermite6", load_scene(kepler(integrator="leapfrog", forces=[{"screened": {}}])))
     finally:
         component.extra_folders.remove(tmp_path)
     for other in ({"drag": 0.2, "damping": 0.0}, {"drag": 0.0, "damping": 0.3}):

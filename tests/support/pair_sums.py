@@ -72,7 +72,8 @@ class Screened(Gravity):
 
 @ti.data_oriented
 class State:
-    carries_low = forces_see_low = False
+    carries_low = forces_see_low = forces_have_low = False
+    number_kind = None
 
     def __init__(self, position, mass, charge, precision, layout=None):
         count, self.dimensions = position.shape

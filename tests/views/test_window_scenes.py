@@ -197,7 +197,7 @@ def test_a_folder_shows_files_that_convert_reads_and_leads_to_the_scenes_of_the_
     assert walked(outside, "in") == folder == walked(outside, OWN, "..", "in")
     topics = walked(outside, OWN).rows()
     shown = {row.name: row.file for topic in topics[1:] for row in topic.place.rows()[1:]}
-    assert [row.name for row in topics] == ["..", "Gravity", "Springs", "Hard spheres"]
+    assert [row.name for row in topics] == ["..", "Gravity", "Springs", "Hard spheres", "Other forces"]
     assert shown == bundled_scenes() and walked(topics[1].place, "..") == walked(outside, OWN)
     root = Folder(Path(tmp_path.anchor))
     assert [row.name for row in root.rows()][0] == OWN, "there is no way out of the whole disk"
