@@ -26,6 +26,8 @@ DISTANCES_TRIED = 64
 SPAN = 3.0  # distances from a third of the smallest to three times the largest of the start
 WIDTH = np.finfo(float).eps ** 0.2
 SLOPE_ERROR = 1e-7
+LEAST_SHARE = 1e-3  # of the largest force at the start: smaller forces may be lost
+LARGEST_LOSS = 0.01  # of a force; terms that cancel may lose as much, as they lose some digits in f64
 ROUNDINGS_AROUND = 10.0  # of V at six places, the largest of which may be a few times that in the middle
 Fault = tuple[Location, str]
 
@@ -90,6 +92,26 @@ def _pair_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     wrong = _wrong_slopes(lambda r: law.energy_at(r, values), law.shape_at(tried, values) * tried, rounding, tried, tried)
     if len(wrong):
         yield place, f"{entry.label}: the force at r = {tried[wrong[0]]:.6g} is not the slope of V there; please report it"
+
+
+def beyond_single(entry: Any, snapshot: Snapshot) -> str:
+    """What is lost of a pair formula in single precision where particles are at the start; empty where nothing is.
+
+    The distance 1 is tried too, which the lanes of a vector unit take for the distance of a particle from itself.
+    """
+    if not is_formula(entry.name) or not hasattr(entry.law, "shape"):
+        return ""
+    distance, values = np.append(distances(entry, snapshot)[2], 1.0), values_of(entry)
+    with np.errstate(all="ignore"):
+        force = entry.law.shape_at(distance, values) * distance + 0.0 * distance
+        found = entry.law.shape_at(distance.astype(np.float32), values) * distance + 0.0 * distance
+        matters = np.abs(force) > LEAST_SHARE * np.max(np.abs(force[:-1]), initial=0.0)
+        wrong = ~np.isfinite(found) | (matters & ~(np.abs(found - force) <= LARGEST_LOSS * np.abs(force)))
+        wrong[-1] = ~np.isfinite(found[-1])
+    if not wrong.any():
+        return ""
+    k = int(np.argmax(wrong))
+    return f"the force at r = {distance[k]:.6g} is {found[k]:.3g}, not {force[k]:.3g}"
 
 
 def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -85,7 +85,7 @@ class CompiledPhase:
             rods=rods,
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
-        refusals.check_numbers(start, self.total_force, device.precision)
+        refusals.check_numbers(spec, start, self.total_force, device.precision)
         refusals.check_sines(spec, self.total_force.forces, device)
         if self.has_tangent:
             refusals.check_tangent(spec, self.integrator, self.total_force.forces, device.precision, plan, self.copies)

@@ -23,6 +23,7 @@ from mpp_taichi.precision import (
 from mpp_taichi.scene.asked_quantities import derivative_quantities, tangent_quantities
 from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.estimate import LARGEST_COUNT
+from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.simulation import first_bad_step
@@ -80,6 +81,17 @@ def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
         if force.takes_sine or force.has_functions:
             what = f"calls {', '.join(force.has_functions)}" if force.has_functions else "takes a sine"
             raise PrecisionError(f"{entry.label} {what}, which vulkan has only in f32; use --precision f32 or --backend cpu")
+
+
+def _check_formulas(spec: SceneSpec, start: Snapshot, precision: str) -> None:
+    """Refuse formulas of pairs whose steps leave the range of single precision where particles are at the start."""
+    if any(is_formula(entry.name) for entry in spec.forces):
+        from mpp_taichi.scene.formula_checks import beyond_single  # only where a formula stands in the scene
+
+        for entry in spec.forces:
+            if told := beyond_single(entry, start):
+                cure = "choose units in which distances are near 1, or use --precision f64"
+                raise PrecisionError(f"{entry.label}: in {precision} {told}; {cure}")
 
 
 def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str) -> None:
@@ -167,7 +179,7 @@ def check_range(start: Snapshot, total_force: Any, precision: str) -> None:
             )
 
 
-def check_numbers(start: Snapshot, total_force: Any, precision: str) -> None:
+def check_numbers(spec: SceneSpec, start: Snapshot, total_force: Any, precision: str) -> None:
     """Refuse numbers that single precision does not have: they would become 0 or infinite, and a body massless.
 
     Raises:
@@ -175,6 +187,7 @@ def check_numbers(start: Snapshot, total_force: Any, precision: str) -> None:
     """
     if number_type(precision) == "f64":
         return
+    _check_formulas(spec, start, precision)
     used = [name for name in ("mass", "charge", "radius") if name in total_force.needs]
     for name in ("position", "velocity", *used):
         values = getattr(start, name)

@@ -326,3 +326,23 @@ def test_a_kink_is_told(caplog):
 def test_methods_made_for_gravity_name_the_formulas():
     with pytest.raises(SceneError, match="knows no forces but .*, not morse, yukawa, external"):
         end_of("wisdom_holman", 0.01)
+
+
+SECOND = {"position": [3.4e-10, 0, 0], "mass": 6.6e-26}
+
+
+@pytest.mark.parametrize(
+    ("force", "told"),
+    [
+        ({"lennard_jones": {"strength": 1.65e-21, "length": 3.4e-10}}, "lennard_jones: in f32 the force at r = 3.4e-10 is"),
+        ({"pair": {"potential": "1e-21*exp(r*1e12)*1e-40"}}, "pair: in f32 the force at r = "),
+    ],
+)
+def test_formulas_beyond_single_precision_are_refused(force, told):
+    """In metres and kilograms, u⁸ of argon is 10⁷⁶, and f32 ends at 10³⁸."""
+    atoms = [{"body": {"position": [0, 0, 0], "mass": 6.6e-26}}, {"body": SECOND}]
+    scene = {"particles": atoms, "forces": [force], "integrator": {"leapfrog": {"dt": 1e-15}}, "run": {"steps": 2}}
+    with pytest.raises(PrecisionError, match=told):
+        Simulation(scene, backend="cpu", precision="f32")
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        assert np.isfinite(simulation.accelerations()).all()
