@@ -16,7 +16,7 @@ Other kinds have names such as `body`, `link`, `box` or `position`, which are al
 columns of a table; of generators, networks and walls only names with an underscore are looked for. Quantities and
 diagnostics are left out, since `total_energy` is a column of a table as well.
 """
-ORDINARY_WORDS = ("logarithmic", "pair", "external")
+ORDINARY_WORDS = ("logarithmic", "pair", "external", "bond")
 """Forces whose names are also words for other things, such as a scale."""
 COMPOUND_KINDS = ("generators", "networks", "walls")
 

@@ -89,8 +89,10 @@ def refusal(spec: SceneSpec) -> str | None:
 
 
 def has_reference(force: Any) -> bool:
-    """Whether the reference evaluates a formula: it has neither radii nor a time."""
-    return is_formula(force.name) and "radius" not in force.law.needs and not force.flag("forces", "depends_on_time")
+    """Whether the reference evaluates a formula: it is no bond, and has neither radii nor a time."""
+    if not is_formula(force.name) or force.law.kind == "bond":
+        return False
+    return "radius" not in force.law.needs and not force.flag("forces", "depends_on_time")
 
 
 def pair_forces(spec: SceneSpec) -> int:

@@ -122,9 +122,20 @@ class BondForce(Force):
     def shape(self, state: Template, h, inverse_distance):
         """g(u) of u = 1/|d|: the part of `force` without velocity is g d. Where the force `has_derivatives`."""
 
+    has_curvature = False
+
+    @ti.func
+    def within(self, state: Template, i, j, value):
+        """The value where the force acts between i and j, and 0 elsewhere."""
+        return value
+
     @ti.func
     def slope(self, state: Template, h, inverse_distance):
-        """dg/du; g has no curvature, d²g/du² = 0."""
+        """dg/du."""
+
+    @ti.func
+    def curvature(self, state: Template, h, inverse_distance):
+        """d²g/du², of a bond that `has_curvature`; without, it is 0."""
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):

@@ -313,9 +313,13 @@ class TotalForce:
             q = state.estimate[j] - state.estimate[i]
         squared, approach = d.dot(d), d.dot(w)
         inverse = ti.select(squared > 0.0, inverse_root(squared), 0.0)
-        shape, slope = bond.shape(state, h, inverse), bond.slope(state, h, inverse)
+        shape = bond.within(state, i, j, bond.shape(state, h, inverse))
+        slope = bond.within(state, i, j, bond.slope(state, h, inverse))
         rate = slope * change_of_inverse_distance(inverse, approach)
         curve = slope * second_change_of_inverse_distance(inverse, approach, w.dot(w) + d.dot(q))
+        if ti.static(bond.has_curvature):
+            change = change_of_inverse_distance(inverse, approach)
+            curve += bond.within(state, i, j, bond.curvature(state, h, inverse)) * change * change
         return shape * w + rate * d, shape * q + 2.0 * rate * w + curve * d
 
     @ti.func

@@ -36,7 +36,7 @@ def formula_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) 
     """The first place at which each formula of a scene is no number, or has a derivative that is not its slope."""
     for entry in spec.forces:
         if is_formula(entry.name):
-            check = _pair_faults if hasattr(entry.law, "shape") else _field_faults
+            check = {"pair": _pair_faults, "field": _field_faults, "bond": _bond_faults}[entry.law.kind]
             with np.errstate(all="ignore"):  # what is no number is looked for
                 found = next(check(entry, snapshot, layout), None)
             if found is not None:
@@ -99,7 +99,7 @@ def beyond_single(entry: Any, snapshot: Snapshot) -> str:
 
     The distance 1 is tried too, which the lanes of a vector unit take for the distance of a particle from itself.
     """
-    if not is_formula(entry.name) or not hasattr(entry.law, "shape"):
+    if not is_formula(entry.name) or entry.law.kind != "pair":
         return ""
     distance, values = np.append(distances(entry, snapshot)[2], 1.0), values_of(entry)
     with np.errstate(all="ignore"):
@@ -139,6 +139,58 @@ def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Ite
             label = layout.label(int(which[wrong[0]]))
             yield place_of(entry), f"{entry.label}: the force on {label} along {axis} is not the slope of V; please report it"
             return
+
+
+def _bond_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    if not len(snapshot.springs):
+        yield entry.location, f"{entry.label}: acts along springs, and this scene has none; list them under springs:"
+        return
+    rest, length, which = bonds(entry, snapshot)
+    law, values = entry.law, values_of(entry)
+    energy, shape = (law.at(name, length, rest, values) for name in ("energy", "shape"))
+    bad = np.flatnonzero(~(np.isfinite(energy) & np.isfinite(shape)))
+    if len(bad):
+        first, second = (layout.label(int(end)) for end in snapshot.springs.between[which[bad[0]]])
+        place = f"the length {length[bad[0]]:.6g} of the spring between {first} and {second} at the start"
+        yield place_of(entry), f"{entry.label}: the formula gives no number at {place}"
+        return
+    tried = [scale * length[:: max(1, len(length) // DISTANCES_TRIED)] for scale in (1.0 / SPAN, 1.0, SPAN)]
+    lengths, rests = np.concatenate(tried), np.tile(rest[:: max(1, len(length) // DISTANCES_TRIED)], 3)
+    slope, rounding = law.at("shape", lengths, rests, values) * lengths, law.energy_errors_at(lengths, rests, values)
+    wrong = _wrong_slopes(lambda at: law.at("energy", at, rests, values), slope, rounding, lengths, lengths)
+    if len(wrong):
+        at = lengths[wrong[0]]
+        yield place_of(entry), f"{entry.label}: the force at the length {at:.6g} is not the slope of V; please report it"
+
+
+def bonds(entry: Any, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rest lengths, lengths at the start and numbers of the springs with a bond, without those whose ends coincide."""
+    between = snapshot.springs.between
+    length = np.linalg.norm(snapshot.position[between[:, 1]] - snapshot.position[between[:, 0]], axis=1)
+    group = entry.parameters["of"]
+    there = length > 0.0
+    if group is not None:
+        there &= is_in(group, between[:, 0]) & is_in(group, between[:, 1])
+    which = np.flatnonzero(there)
+    return snapshot.springs.rest_length[which], length[which], which
+
+
+def with_bonds(spec: SceneSpec, snapshot: Snapshot) -> Snapshot:
+    """The snapshot with springs that have the force and the stiffness of springs and bonds together, where they are.
+
+    A spring of tension T = D (l − L) beside a bond V gets D + V″, and the rest length that gives it the tension T + V′.
+    """
+    springs = snapshot.springs
+    stiffness, rest = springs.stiffness.copy(), springs.rest_length.copy()
+    for entry in spec.forces:
+        if is_formula(entry.name) and entry.law.kind == "bond":
+            own, length, which = bonds(entry, snapshot)
+            values = values_of(entry)
+            tension = stiffness[which] * (length - rest[which]) + entry.law.at("shape", length, own, values) * length
+            total = stiffness[which] + entry.law.at("along", length, own, values)
+            stiffness[which] = total
+            rest[which] = np.where(total != 0.0, length - tension / np.where(total != 0.0, total, 1.0), rest[which])
+    return replace(snapshot, springs=replace(springs, stiffness=stiffness, rest_length=rest))
 
 
 def field_values(entry: Any, snapshot: Snapshot, which: np.ndarray) -> dict[str, Any]:

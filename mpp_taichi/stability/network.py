@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -34,6 +35,10 @@ class SpringNetwork:
 
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
         """Keep the scene and the state; every rate is computed when it is first asked for."""
+        if any(component.declaration("forces", entry.name).base == "FormulaBond" for entry in spec.forces):
+            from mpp_taichi.scene.formula_checks import with_bonds  # only where a formula stands in the scene
+
+            snapshot = with_bonds(spec, snapshot)
         self.spec, self.snapshot = spec, snapshot
         self.drag = drag_of(spec)
         self.swings = bool(snapshot.springs.stiffness.any())

@@ -50,6 +50,7 @@ def random_snapshot(count=5, *, seed=3, dimensions=3, masses=True):
 
 FORMULAS = {
     "pair": {"potential": "0.7*m1*m2*q1*q2*exp(-r/2)*(1/r + r^2)"},
+    "bond": {"potential": "0.7*(l - 0.4*rest)^2*(1 + exp(-l))"},
     "external": {"potential": "m*(0.7*x^2 + 0.3*x*y^2 + sin(y)) + q*r"},
 }
 """A formula for each force that has none of its own."""

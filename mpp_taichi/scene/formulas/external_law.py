@@ -50,6 +50,8 @@ class ExternalLaw:
     live: tuple[str, ...]
     """The names whose numbers may change in a run."""
 
+    kind = "field"
+
     def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "ExternalLaw":
         """The law with numbers for the `fixed` names."""
         values = dict(fixed)

@@ -57,6 +57,10 @@ def law_of(entry: Any) -> Any:
         rates = entry.parameters["acceleration"]
         dimensions = (text if rates is None else rates[0]).dimensions
         return external_law(text, rates, dimensions, fixed, live)
+    if component.declaration("forces", entry.name).base == "FormulaBond":
+        from mpp_taichi.scene.formulas.bond_law import bond_law
+
+        return bond_law(str(text), fixed, live)
     from mpp_taichi.scene.formulas.pair_law import pair_law
 
     cutoff = entry.parameters.get("cutoff")

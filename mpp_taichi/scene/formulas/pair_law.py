@@ -55,6 +55,8 @@ class PairLaw:
     reach: StepProgram
     """The cutoff, of the numbers; infinite where there is none."""
 
+    kind = "pair"
+
     def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "PairLaw":
         """The law with numbers for the `fixed` names."""
         values = dict(fixed)
