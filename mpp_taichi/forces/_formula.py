@@ -7,7 +7,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import has_plain_numbers, is_not_zero, parameter, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic, number_like
-from mpp_taichi.arithmetic.kernel_number import NumberVector
+from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
 from mpp_taichi.arithmetic.particle_update import position_seen, velocity_seen, wide_position
 from mpp_taichi.arithmetic.traced import entry_of, traced
 from mpp_taichi.forces._base import ExternalForce, PairForce
@@ -136,7 +136,8 @@ class FormulaField(ExternalForce):
         }
         values |= {name: entry_of(getattr(state, QUANTITIES[name]), i) for name in used & set(QUANTITIES)}
         values |= {name: parameter(state, getattr(self, at)) for name, at in self.live.items()}
-        return values | {"t": parameter(state, time) if state.number_kind is not None else time}
+        kept = state.number_kind is None or isinstance(time, KernelNumber)
+        return values | {"t": time if kept else parameter(state, time)}
 
     def _vector(self, state: Any, i: Any, program: Any, values: Mapping[str, Any]) -> Any:
         one = parameter(state, 1.0)
