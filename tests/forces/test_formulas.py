@@ -309,6 +309,14 @@ def test_a_text_that_is_no_law_is_refused_at_its_character(line, column, message
     assert f"scene.yaml:3:{column}" in told if column else "scene.yaml:3:" in told, told
 
 
+@pytest.mark.parametrize("force", [{"pair": {"potential": "1/r"}}, {"external": {"potential": "m*r^2"}}])
+def test_a_constant_of_the_scene_may_not_hide_a_variable(force):
+    """With `constants: {r: 2}` the formula 1/r would be a number."""
+    scene = {**THREE, "constants": {"r": 2, "unused": 1}, "forces": [force]}
+    with pytest.raises(SceneError, match="r is a constant of the scene and a variable of this formula, rename the constant"):
+        end_of("leapfrog", 0.1, scene)
+
+
 def test_two_pairs_need_names_of_their_own():
     forces = [{"pair": {"potential": "1/r"}}, {"pair": {"potential": "2/r"}}]
     with pytest.raises(SceneError, match="pair is in the list already, allowed: once; give each a name: of its own"):

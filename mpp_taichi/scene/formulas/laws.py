@@ -129,7 +129,11 @@ def _has_names(entry: Any, body: Node, key: str, faults: Faults) -> bool:
     for name in wrong:
         at = body.value["parameters"].value[name].place
         faults.add(at, f"{key}.parameters", f"{shown(name)} has a meaning of its own in this formula, choose another name")
-    return not wrong
+    clash = sorted({name for text in texts_of(entry) for name in text.constants} & taken)
+    if clash:
+        told = f"{clash[0]} is a constant of the scene and a variable of this formula, rename the constant"
+        faults.add(entry.location, key, told)
+    return not wrong and not clash
 
 
 def _check_law(entry: Any, body: Node, key: str, faults: Faults) -> None:

@@ -25,8 +25,6 @@ QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
 """Letters of the quantities of particles; in a formula a 1 or a 2 behind the letter tells the particle of the pair."""
 NAMES = (DISTANCE, *(f"{letter}{end}" for letter in QUANTITIES for end in (1, 2)))
 _U = sympy.Symbol("u", positive=True)
-
-
 _PROGRAMS = ("shape", "slope", "curvature", "energy", "source", "response", "reach")
 
 
@@ -186,7 +184,7 @@ def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:
         else:
             factors[of.index(True)] *= each
     one, other = (_of_any(each, end) for each, end in zip(factors, (1, 2), strict=True))
-    if sympy.simplify(one - other) != 0:
+    if one != other and sympy.expand(one - other) != 0:
         raise ExpressionError(
             f"{sympy.sstr(factors[0])} of the first particle is not {sympy.sstr(factors[1])} of the second: the forces would "
             "not be opposite; must be the same function of both"
