@@ -79,7 +79,7 @@ def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
 def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
     """The scene without one of its effects, for each effect."""
     variants = [
-        (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
+        (force.label, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
         for number, force in enumerate(spec.forces)
     ]
     rigid = [entry for _, entry in spec.rigid_entries]

@@ -79,6 +79,12 @@ def _pair_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     if not len(distance):
         return
     law, values, place = entry.law, values_of(entry), place_of(entry)
+    given = {"m": snapshot.mass, "q": snapshot.charge, "R": snapshot.radius, **values}
+    source, response = (law.of_particles(each, given) + 0.0 * snapshot.mass for each in (law.source, law.response))
+    wrong = ~(np.isfinite(source) & (np.isfinite(response) | (snapshot.mass == 0.0)))
+    if wrong.any():
+        yield place, f"{entry.label}: the factor of {layout.label(int(np.argmax(wrong)))} in the formula is no number"
+        return
     energy, shape = law.energy_at(distance, values), law.shape_at(distance, values)
     bad = np.flatnonzero(~(np.isfinite(energy) & np.isfinite(shape) & np.ones(len(distance), bool)))
     if len(bad):

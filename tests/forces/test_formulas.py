@@ -309,6 +309,20 @@ def test_a_text_that_is_no_law_is_refused_at_its_character(line, column, message
     assert f"scene.yaml:3:{column}" in told if column else "scene.yaml:3:" in told, told
 
 
+def test_charges_keep_their_signs():
+    """|q₁ q₂| repels whatever the signs, and a root of q₁ q₂, which is real for equal signs alone, is no product."""
+    bodies = [{"body": {"position": [k, 0, 0], "mass": 1, "charge": q}} for k, q in enumerate((-1.0, 2.0))]
+    scene = {"particles": bodies, "forces": [{"pair": {"potential": "abs(q1*q2)/r"}}], "integrator": {"leapfrog": {"dt": 0.1}}}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        np.testing.assert_allclose(simulation.accelerations()[:, 0], [-2.0, 2.0], rtol=1e-15)
+    for potential, told in [
+        ("sqrt(q1*q2)/r", "same function"),
+        ("sqrt(q1)*sqrt(q2)/r", "the factor of particle 0 .* no number"),
+    ]:
+        with pytest.raises(SceneError, match=told), Simulation({**scene, "forces": [{"pair": {"potential": potential}}]}):
+            pass
+
+
 @pytest.mark.parametrize("force", [{"pair": {"potential": "1/r"}}, {"external": {"potential": "m*r^2"}}])
 def test_a_constant_of_the_scene_may_not_hide_a_variable(force):
     """With `constants: {r: 2}` the formula 1/r would be a number."""

@@ -44,7 +44,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "radians": lambda value: value * math.radians(1.0),
     "degrees": lambda value: value * math.degrees(1.0),
     "hypot": lambda *values: sympy.sqrt(sum(value**2 for value in values)),
-    "abs": sympy.Abs,
+    "abs": lambda value: sympy.Mul(*map(sympy.Abs, sympy.Mul.make_args(value))),  # factor by factor
     "min": sympy.Min,
     "max": sympy.Max,
 }

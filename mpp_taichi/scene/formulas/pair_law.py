@@ -116,7 +116,7 @@ def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, .
 def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...], cutoff: str | None) -> PairLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
     expression = parse(text)
-    values: dict[str, Any] = {name: sympy.Symbol(name, positive=True) for name in NAMES}
+    values: dict[str, Any] = {f"{letter}{end}": _symbol(letter, str(end)) for letter in QUANTITIES for end in (1, 2)}
     values[DISTANCE] = 1 / _U
     values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: number(value) for name, value in exponents}
     expression.check_names(values)
@@ -128,7 +128,7 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
         more = _tidy(sympy.diff(derivatives[-1], _U)) if is_short(derivatives[-1]) else sympy.Integer(0)
         has_more = has_more and is_short(derivatives[-1]) and is_short(more)
         derivatives.append(more if has_more else sympy.Integer(0))
-    mass, charge = sympy.Symbol("m", positive=True), sympy.Symbol("q", real=True)
+    mass, charge = _symbol("m"), _symbol("q")
     energy, within = _tidy(alone), None
     reach = sympy.oo if cutoff is None else _reach(cutoff, values)
     if cutoff is not None:
@@ -169,10 +169,10 @@ def _reach(text: str, values: Mapping[str, Any]) -> Any:
 
 def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:
     """(A of one particle, U) of V = A₁ A₂ U; refused where V is no such product."""
-    ends = [{sympy.Symbol(f"{letter}{end}", positive=True) for letter in QUANTITIES} for end in (1, 2)]
+    ends = [{_symbol(letter, str(end)) for letter in QUANTITIES} for end in (1, 2)]
     factors: list[Any] = [sympy.Integer(1), sympy.Integer(1)]
     alone: Any = sympy.Integer(1)
-    for each in sympy.Mul.make_args(sympy.expand_power_base(potential, force=True)):
+    for each in sympy.Mul.make_args(sympy.expand_power_base(potential)):
         of = [bool(each.free_symbols & end) for end in ends]
         if not any(of):
             alone *= each
@@ -193,10 +193,13 @@ def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:
 
 
 def _of_any(factor: Any, end: int) -> Any:
-    """The factor of one end as a function of m, q and R; a charge may have either sign."""
-    symbols = {"m": {"positive": True}, "q": {"real": True}, "R": {"positive": True}}
-    names = {sympy.Symbol(f"{letter}{end}", positive=True): sympy.Symbol(letter, **symbols[letter]) for letter in QUANTITIES}
-    return factor.xreplace(names)
+    """The factor of one end as a function of m, q and R."""
+    return factor.xreplace({_symbol(letter, str(end)): _symbol(letter) for letter in QUANTITIES})
+
+
+def _symbol(letter: str, end: str = "") -> Any:
+    """The symbol of a quantity; masses and radii are positive, and a charge may have either sign."""
+    return sympy.Symbol(f"{letter}{end}", **({"real": True} if letter == "q" else {"positive": True}))
 
 
 def _tidy(expression: Any) -> Any:
