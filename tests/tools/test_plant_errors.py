@@ -13,7 +13,7 @@ import plant_errors  # noqa: E402
 # Scenes that run in at most a quarter of a minute and together have most effects.
 QUICK = ("kepler", "newtons_cradle", "one_on_two", "oscillator")
 QUICK += ("billiard_break", "cradle_comes_to_rest", "membrane_loose", "pile")
-QUICK += ("morse_molecule", "lissajous_trap", "argon_drop")
+QUICK += ("morse_molecule", "lissajous_trap", "penning_trap", "argon_drop")
 PLANTS = [
     (scene, effect, settings)
     for scene in QUICK
