@@ -117,12 +117,17 @@ def test_a_field_acts_on_its_group_alone():
     spec = load_scene(scene_of(LAWS["log"], ("g", "g"), more=[field]))
     with Simulation(spec, backend="cpu", precision="f64") as simulation:
         start, found = simulation.start, simulation.accelerations()
+        energy = simulation.mechanics()["total_energy"]
     x, y = start.position[:, 0], start.position[:, 1]
     expected = by_matrix("log", start, ("g", "g"))
     expected[7:, 0] -= 2.0 * x[7:]
     expected[7:, 1] -= np.cos(y[7:])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
     reference = NumpyForces(spec, bodies(start, 3, ["f64"]))
+    assert np.sum(reference.energy(start.position[None], start.velocity[None])) == pytest.approx(energy, rel=1e-13)
+    distance = np.linalg.norm(start.position[:7, None] - start.position[None, :7], axis=2)[np.triu_indices(7, 1)]
+    by_hand = 0.3 * 1.5**2 * np.log(distance).sum() + 1.5 * np.sum(x[7:] ** 2 + np.sin(y[7:]))
+    assert energy == pytest.approx(by_hand + 0.5 * 1.5 * np.sum(start.velocity**2), rel=1e-13)
     np.testing.assert_allclose(
         reference.acceleration(start.position[None], start.velocity[None])[0], expected, rtol=0, atol=1e-13
     )
