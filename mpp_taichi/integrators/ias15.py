@@ -24,6 +24,8 @@ class Ias15(Adaptive):
 
     The next step is h τ (5040 ε)^(1/7), where τ is the time, in steps, in which the acceleration changes at the step's end:
     τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where only an acceleration is zero.
+    A particle that the change of its acceleration moves by less than a rounding of the farthest place has no part in it: of a
+    particle at rest on a relaxed spring, τ is proportional to the step, so that no step would be short enough.
     Sums of positions and velocities are compensated, so that the error of the energy grows like round-off, with the square root
     of the number of steps. In f32 steps are longer: the derivatives of shorter steps would be round-off. Between the ends of
     steps the polynomial is as accurate as at the ends. The error of an orbit is at most 20 ε^(15/7) of the system's size from
@@ -144,7 +146,7 @@ class Ias15(Adaptive):
         while left > 0:
             left -= 1
             error = self.path.solve(state, total_force, self, first, begin, ti.cast(h, float), shape)
-            share = self._longest_share(state, total_force, first)
+            share = self._longest_share(state, total_force, first, ti.cast(h, float))
             if not error <= state.control[self.CONTROL * r + 1]:  # NaN fails, too
                 share = ti.min(share, ti.static(0.5 / LARGEST_CHANGE))
             following = ti.min(h * share, h * LARGEST_CHANGE)
@@ -173,10 +175,13 @@ class Ias15(Adaptive):
     # Transition to the next step
 
     @ti.func
-    def _longest_share(self, state: Template, total_force: Template, first):
+    def _longest_share(self, state: Template, total_force: Template, first, h):
         """Length of the next step relative to this step, at most; 0 where a value is NaN."""
         r = first // total_force.particle_count
         state.measure[2 * r] = -ti.cast(ti.math.inf, state.wide)
+        farthest = ti.cast(0.0, float)
+        for i in range(first, first + total_force.particle_count):
+            farthest = ti.max(farthest, state.start_position[i].norm())
         for i in range(first, first + total_force.particle_count):
             a = state.start_acceleration[i]
             first_slope = ti.Vector.zero(float, state.dimensions)
@@ -189,7 +194,8 @@ class Ias15(Adaptive):
                 third += (k + 1.0) * k * (k - 1.0) * b
             above = a.norm() * second.norm() + first_slope.norm_sqr()
             below = first_slope.norm() * third.norm() + second.norm_sqr()
-            if below > 0.0 or ti.math.isnan(below):
+            moved = h * h * (first_slope.norm() + second.norm() + third.norm())
+            if (below > 0.0 and moved > ti.static(rounding()) * farthest) or ti.math.isnan(below):
                 slowness = ti.cast(above / below, state.wide)
                 raised = ti.select(ti.math.isnan(slowness), ti.cast(0.0, state.wide), -slowness)
                 state.measure[2 * r] = ti.max(state.measure[2 * r], raised)

@@ -25,7 +25,7 @@ def chain(bond, method="leapfrog", dt=0.005, stiffness=0.0, **more):
         ],
         "springs": [
             {"lattice_links": {"of": "chain", "stiffness": stiffness, "prestretch": 1.1}},
-            {"link": {"between": ["free", "chain[0]"], "stiffness": 3, "prestretch": 1.3}},
+            {"link": {"between": ["free", "chain[0]"], "stiffness": 3}},
         ],
         "forces": [{"bond": bond}],
         "integrator": {method: {"dt": dt}},

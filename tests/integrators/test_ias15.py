@@ -107,6 +107,27 @@ def test_the_figure_eight_does_not_stall_where_an_acceleration_is_zero(precision
 
 
 @pytest.mark.sampled(3)
+def test_a_body_at_rest_on_a_relaxed_spring_shortens_no_step():
+    """Its acceleration begins as a square of the time, so that the time in which it changes is proportional to the step."""
+    scene = {
+        "particles": [
+            {"body": {"name": "rest", "position": [0, 2, 0], "mass": 1}},
+            {"body": {"name": "hinge", "position": [0, 0, 0], "velocity": [0, 0, 0.1], "mass": 0.2}},
+            {"body": {"name": "end", "position": [0.5, 0, 0], "velocity": [0, 0.3, 0], "mass": 0.2}},
+        ],
+        "springs": [
+            {"link": {"between": ["rest", "hinge"], "stiffness": 3}},
+            {"link": {"between": ["hinge", "end"], "stiffness": 7, "prestretch": 1.1}},
+        ],
+        "integrator": {"ias15": {"dt": 0.05}},
+        "run": {"duration": 2.0},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        before = simulation.mechanics()["total_energy"]
+        simulation.run()
+        assert abs(simulation.mechanics()["total_energy"] - before) < 40 * 2.0**-53  # a rounding a step
+
+
 def test_three_bodies_of_pythagoras_part_as_rebound_says():
     """Burrau's problem: encounters to 1e-3 of the start's size before one body leaves; errors grow by some 1e6 until t = 30."""
     rebound = pytest.importorskip("rebound")
