@@ -1,5 +1,7 @@
 """Forces that are formulas of the scene: their derivatives, their runs beside forces of the package, and bad texts."""
 
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pytest
@@ -13,8 +15,12 @@ from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 from mpp_taichi.scene.formulas.external_law import external_law
 from mpp_taichi.scene.formulas.fields import FormulaText
 from mpp_taichi.scene.formulas.pair_law import pair_law
+from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.spec import ComponentSpec
+from mpp_taichi.sweep.replicas import Bench, MemberDevice
+from mpp_taichi.sweep.runner import run_members
+from mpp_taichi.sweep.store import SweepStore
 
 NUMBERS = (("D", 0.7), ("a", 1.2), ("n", 9.0), ("s", 0.9))
 PAIRS = [
@@ -262,6 +268,56 @@ def test_energy_is_kept_and_momentum_too():
         assert simulation.mechanics()["total_energy"] == pytest.approx(energy, rel=1e-13)
     momentum = [each.mass @ each.velocity for each in (start, end)]
     np.testing.assert_allclose(momentum[1], momentum[0], rtol=0, atol=1e-13)
+
+
+# Numbers that change while a scene runs
+
+MOVED = {"forces[0].pair.parameters.a": 0.7, "forces[1].pair.parameters.k": 1.5, "forces.external.parameters.w": 1.6}
+
+
+def test_sliders_move_the_numbers_of_formulas():
+    """A run with sliders moved at its start is the run of a scene with these numbers, but for rounding of folded constants."""
+    sliders = [{"set": path, "from": 0.1, "to": 3} for path in MOVED]
+    with Simulation({**THREE, "integrator": {"leapfrog": {"dt": 0.01}}, "sliders": sliders}, backend="cpu") as simulation:
+        for path, value in MOVED.items():
+            simulation.set(path, value)
+        simulation.run()
+        found = simulation.snapshot().position
+    expected = load_scene({**THREE, "integrator": {"leapfrog": {"dt": 0.01}}}, overrides=MOVED)
+    with Simulation(expected, backend="cpu") as simulation:
+        simulation.run()
+        np.testing.assert_allclose(found, simulation.snapshot().position, rtol=0, atol=1e-12)
+    assert np.abs(found - end_of("leapfrog", 0.01, backend="cpu")).max() > 0.1
+
+
+def test_a_timeline_changes_numbers_of_formulas():
+    event = {"at": 1.0, "set": {"forces.external.parameters.w": 1.6}}
+    changed = end_of("leapfrog", 0.01, {**THREE, "timeline": [event]}, backend="cpu")
+    assert np.abs(changed - end_of("leapfrog", 0.01, backend="cpu")).max() > 0.1
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "dop853", "ias15"])
+@pytest.mark.sampled(2)
+def test_members_of_a_sweep_have_numbers_of_their_own(method):
+    """Each member moves as the scene with its numbers, but for the rounding of constants that kernels fold beforehand."""
+    vary = {"forces[0].pair.parameters.a": [0.7, 1.2], "forces.external.parameters.w": [0.5, 1.0, 1.6]}
+    scene = {**THREE, "particles": named(THREE["particles"]), "integrator": {method: {"dt": 0.02}}}
+    scene["sweep"] = {"vary": vary, "measure": [{"position": {"of": "b0", "axis": "x"}}]}
+    store = SweepStore(Path("unused"), load_scene(scene).resolved, "scene", {"backend": "cpu", "precision": "f64"}, 4)
+    numbers = list(range(store.plan.count))
+    values, bench = store.plan.values(numbers), Bench(MemberDevice("cpu", "f64", 1))
+    rows = run_members(numbers, values, store.resolved, store.source, bench, store.own)
+    assert [row.status for row in rows] == ["ok"] * 6
+    for row, given in zip(rows, values):
+        alone = load_scene({key: value for key, value in scene.items() if key != "sweep"}, overrides=dict(given))
+        with Simulation(alone, backend="cpu", precision="f64") as simulation:
+            simulation.run()
+            assert row.values[0] == pytest.approx(simulation.snapshot().position[0, 0], abs=1e-11)
+    assert len({row.values[0] for row in rows}) == 6
+
+
+def named(particles):
+    return [{"body": {**each["body"], "name": f"b{k}"}} for k, each in enumerate(particles)]
 
 
 # Bad texts
