@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
-from mpp_taichi.scene.groups import is_in, shares
+from mpp_taichi.scene.formulas.program import with_numbers
+from mpp_taichi.scene.groups import between_groups
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -67,9 +68,9 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         elif force.name == "linear_drag":
             drag += float(known["coefficient"])
         elif is_formula(force.name):
-            pairs += _between(_formula(force, snapshot, precision), known["between"])
+            pairs += between_groups(_formula(force, snapshot, precision), known["between"])
         else:
-            pairs += _between(_pair_force(force.name, known, snapshot), known["between"])
+            pairs += between_groups(_pair_force(force.name, known, snapshot), known["between"])
     damped = len(snapshot.springs) > 0 and bool((snapshot.springs.damping != 0).any())
     return Problem(
         dimensions=spec.dimensions,
@@ -151,21 +152,10 @@ def _contact_reason(spec: SceneSpec) -> str:
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
 
 
-def _between(force: PairForce, between: Any) -> list[PairForce]:
-    """The terms of a force between two groups of particles."""
-    if between is None:
-        return [force]
-    index = np.arange(len(force.source))
-    return [
-        replace(force, source=sign * force.source * is_in(acts, index), response=force.response * is_in(responds, index))
-        for responds, acts, sign in shares(*between)
-    ]
-
-
 def _formula(force: ComponentSpec, snapshot: Snapshot, precision: str) -> PairForce:
     """A pair force by its formula, with numbers for what sliders may move."""
     law, live = force.law, live_names(force)
-    law = law.with_numbers(tuple((name, float(force.parameters[live[name]])) for name in law.live), ())
+    law = with_numbers(law, [(name, float(force.parameters[live[name]])) for name in law.live], ())
     values = {"m": snapshot.mass, "q": snapshot.charge, "R": snapshot.radius}
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [np.broadcast_to(law.of_particles(each, values), snapshot.mass.shape) for each in (law.source, law.response)]

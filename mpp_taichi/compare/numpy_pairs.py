@@ -5,18 +5,16 @@ A force is a term a_i = r_i Σ_j s_j g(ρ) d: g = 1/ρ³ of gravity and of charg
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
-from mpp_taichi.scene.groups import is_in, shares
+from mpp_taichi.scene.formulas.rounding_steps import ROUNDINGS_OF_QUOTIENT, ROUNDINGS_OF_ROOT, Rounded, RoundingArithmetic
 
 BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
-# Roundings, in units of 2⁻²⁴ or 2⁻⁵³, of one term of a force as a kernel may compute it, worst case throughout. Of OpenCL and
-# Vulkan: a root to 3 units in the last place, of two roundings each, a quotient to 2.5 (OpenCL C Specification 3.0, §7.4).
-ROOT, QUOTIENT, STEP = 6, 5, 1
+# Roundings, in units of 2⁻²⁴ or 2⁻⁵³, of one term of a force as a kernel may compute it, worst case throughout.
+ROOT, QUOTIENT, STEP = ROUNDINGS_OF_ROOT, ROUNDINGS_OF_QUOTIENT, 1
 SQUARE = 2 * STEP + STEP + 2 * STEP  # of a sum of three squared differences: differences, squares, additions
 INVERSE = (SQUARE + 3 * STEP) / 2 + ROOT + QUOTIENT  # 1/ρ; ε² is rounded, squared and added
 PAIR = 3 * INVERSE + 2 * STEP + 6 * STEP  # its cube, times parameter, source, response, quotient q/m, difference
@@ -35,22 +33,6 @@ class PairTerm:
     softening: float
     law: Any = None  # a PairLaw; None: d/ρ³
     values: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """The kind of the law."""
-        return "1/ρ³" if self.law is None else "formula"
-
-
-def between_groups(term: PairTerm, between: Any) -> list[PairTerm]:
-    """The terms of a force between two groups, which together are the force; the term itself where it acts between all."""
-    if between is None:
-        return [term]
-    everyone = np.arange(term.source.shape[-1])
-    return [
-        replace(term, source=sign * term.source * is_in(acts, everyone), response=term.response * is_in(responds, everyone))
-        for responds, acts, sign in shares(*between)
-    ]
 
 
 def pair_sum(position: np.ndarray, term: PairTerm, rows: np.ndarray | None = None, *, threads: int = 1) -> np.ndarray:
@@ -131,7 +113,7 @@ class Limits:
 
 
 def pair_energy(position: np.ndarray, term: PairTerm, weight: np.ndarray) -> np.ndarray:
-    """Σ_i weight_i Σ_{j≠i} source_j U(ρ_ij) of each copy, U = 1/ρ or that of the formula."""
+    """Σ_i weight_i Σ_{j≠i} source_j U(ρ_ij) of each copy, U = 1/ρ or the U of the formula."""
     total = np.zeros(position.shape[:2])
 
     def add(chosen: np.ndarray, away: list[np.ndarray], squared: np.ndarray) -> None:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi import component
-from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, between_groups, pair_energy, pair_magnitude, pair_sum
+from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, pair_energy, pair_magnitude, pair_sum
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
-from mpp_taichi.scene.groups import is_in
+from mpp_taichi.scene.groups import between_groups, is_in
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -27,6 +27,8 @@ KNOWN_FORCES = {  # each with the parameters that the reference supports
     "uniform_gravity": ("acceleration",),
     "linear_drag": ("coefficient",),
 }
+FieldLaw = tuple[Any, dict[str, float], np.ndarray]
+"""The law of a field, its live numbers, and which particles feel it."""
 KINDS = {"f32": np.float32, "f64": np.float64}
 
 
@@ -116,10 +118,9 @@ class NumpyForces:
         formulas = [(force.law, _numbers(force), force) for force in spec.forces if is_formula(force.name)]
         self.pair_laws = [each for each in formulas if is_pair_force(each[2].name)]
         fields = [each for each in formulas if not is_pair_force(each[2].name)]
-        self.field_laws = [(law, values) for law, values, _ in fields]
         everyone = np.arange(given.mass.shape[1])
         all_feel = (0, len(everyone))
-        self.felt = {id(law): is_in(force.parameters["on"] or all_feel, everyone) for law, _, force in fields}
+        self.field_laws = [(law, values, is_in(force.parameters["on"] or all_feel, everyone)) for law, values, force in fields]
         self.has_springs = len(given.between) > 0
         self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping)) or any(map(_is_moved, self.field_laws))
 
@@ -136,9 +137,9 @@ class NumpyForces:
         """Accelerations by the forces that do not depend on velocity, (copies, N, 3); only the given `rows` are valid."""
         given = self.bodies
         result = self.of_pairs(position, rows) + self.field
-        for law, values in self.field_laws:
-            if not law.flags["depends_on_velocity"]:
-                result += self._of_field(law, values, position, np.zeros_like(position))
+        for field in self.field_laws:
+            if not _is_moved(field):
+                result += self._of_field(field, position, np.zeros_like(position))
         if self.has_springs:
             away, length = self._lengths(position)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -159,9 +160,9 @@ class NumpyForces:
         result = np.zeros_like(position)
         if self.drag:
             result -= self._over_mass(self.drag * velocity)
-        for law, values in self.field_laws:
-            if law.flags["depends_on_velocity"]:
-                result += self._of_field(law, values, position, velocity)
+        for field in self.field_laws:
+            if _is_moved(field):
+                result += self._of_field(field, position, velocity)
         if self.has_springs and np.any(given.damping):
             away, _ = self._lengths(position)
             closing = velocity[:, given.between[:, 1]] - velocity[:, given.between[:, 0]]
@@ -174,12 +175,13 @@ class NumpyForces:
             result += self._over_mass(self._both_ends(force))
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
 
-    def _of_field(self, law: Any, values: dict[str, float], position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    def _of_field(self, field: FieldLaw, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Accelerations of a formula, (copies, N, 3)."""
+        law, values, felt = field
         result = np.zeros_like(position)
         for axis, rate in enumerate(law.numbers(law.acceleration, self._values(values, position, velocity))):
             result[..., axis] = rate
-        return result * self.felt[id(law)][None, :, None]
+        return result * felt[:, None]
 
     def _values(self, live: dict[str, float], position: np.ndarray, velocity: np.ndarray) -> dict[str, Any]:
         """The numbers of a formula of a place."""
@@ -253,7 +255,7 @@ class NumpyForces:
             size, small = pair_magnitude(position, term, rows, limits)
             terms += size
             more += small
-        for law, values in self.field_laws:
+        for law, values, _ in self.field_laws:
             errors = law.errors(law.acceleration, self._values(values, position, velocity))
             for axis, error in enumerate(errors):
                 terms[..., axis] += error / ROUNDINGS
@@ -300,10 +302,10 @@ class NumpyForces:
             source = self._of_particles(law, law.source, live)
             term = PairTerm(source, source, force.parameters["softening"], law, live)
             potential = potential + _energy(position, term, force.parameters["between"])
-        for law, live in self.field_laws:
+        for law, live, felt in self.field_laws:
             values = self._values(live, position, velocity)
             energy = np.broadcast_to(law.numbers(law.energy, values)[0], given.mass.shape)
-            potential = potential + np.sum(energy * self.felt[id(law)], axis=1)
+            potential = potential + np.sum(energy * felt, axis=1)
         if self.has_springs:
             _, length = self._lengths(position)
             potential = potential + 0.5 * np.sum(given.stiffness * (length - given.rest_length) ** 2, axis=1)
@@ -342,7 +344,7 @@ def _energy(position: np.ndarray, term: PairTerm, between: Any) -> np.ndarray:
     return 0.5 * np.sum([pair_energy(position, each, each.response) for each in between_groups(term, between)], axis=0)
 
 
-def _is_moved(field: tuple[Any, Any]) -> bool:
+def _is_moved(field: FieldLaw) -> bool:
     return bool(field[0].flags["depends_on_velocity"])
 
 

@@ -4,8 +4,11 @@ All forces give accelerations, so that a massless test particle needs no special
 that the formula reads beside position and velocity.
 """
 
+from typing import Any
+
 import taichi as ti
 
+from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
 
@@ -39,11 +42,15 @@ def is_among(state: Template, i, some: Template, chosen: Template):
     """Whether a force acts on particle i: on every particle, or where `some` on the particles `chosen`, (first, count)."""
     result = 1
     if ti.static(some):
-        own = i
-        if ti.static(state.replica_count > 1):
-            own = i % state.particle_count
-        result = chosen[0] <= own and own < chosen[0] + chosen[1]
+        result = is_in(state, i, chosen)
     return result
+
+
+@traced
+def is_in(state: Any, i: Any, group: tuple[int, int]) -> Any:
+    """Whether particle i, of any copy, belongs to a group, (first index, count)."""
+    own = i % state.particle_count if state.replica_count > 1 else i
+    return (own >= group[0]) & (own < group[0] + group[1])
 
 
 class ExternalForce(Force):
@@ -140,6 +147,13 @@ class BondForce(Force):
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):
         """∂F/∂x of the half-spring from i to j at the present positions: (along it, across it) [force / length]."""
+
+    @ti.func
+    def step_lengths(self, state: Template, i, j):
+        """Lengths at the start and at the end of a step, the end as far beyond the middle as the start is before it."""
+        before = state.piece_start[j] - state.piece_start[i]
+        after = 2.0 * (state.position[j] - state.position[i]) - before
+        return ti.sqrt(before.dot(before)), ti.sqrt(after.dot(after))
 
     @ti.func
     def step_force(self, state: Template, i, j, h):

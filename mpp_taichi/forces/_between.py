@@ -13,8 +13,8 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import where
 from mpp_taichi.arithmetic.traced import traced
-from mpp_taichi.device.fast_taichi.explicit_vectors import is_elementwise
-from mpp_taichi.forces._base import PairForce
+from mpp_taichi.forces._base import PairForce, is_in
+from mpp_taichi.neighbors._pair_groups import derivatives_take_lanes, takes_lanes
 from mpp_taichi.scene.groups import Group, shares
 
 
@@ -34,10 +34,7 @@ class GroupedForce(PairForce):
         self.force, self.responds, self.acts, self.sign, self.tells_energy = force, responds, acts, sign, tells_energy
         for name in ("needs", "softening", "takes_any_numbers", "takes_low_parts", "has_functions", "has_derivatives"):
             setattr(self, name, getattr(force, name))
-        kind = type(force)
-        self.takes_lanes = is_elementwise(kind.shape) if force.takes_lanes is None else force.takes_lanes
-        derived = is_elementwise(kind.slope) and is_elementwise(kind.curvature)
-        self.derivatives_take_lanes = derived if force.derivatives_take_lanes is None else force.derivatives_take_lanes
+        self.takes_lanes, self.derivatives_take_lanes = takes_lanes(force), derivatives_take_lanes(force)
 
     @traced
     def response(self, state: Any, i: Any) -> Any:
@@ -52,17 +49,17 @@ class GroupedForce(PairForce):
 
     @traced
     def shape(self, inverse_distance: Any) -> Any:
-        """That of the force."""
+        """The shape of the force."""
         return self.force.shape(inverse_distance)
 
     @traced
     def slope(self, inverse_distance: Any) -> Any:
-        """That of the force."""
+        """The slope of the force."""
         return self.force.slope(inverse_distance)
 
     @traced
     def curvature(self, inverse_distance: Any) -> Any:
-        """That of the force."""
+        """The curvature of the force."""
         return self.force.curvature(inverse_distance)
 
     @traced
@@ -74,10 +71,3 @@ class GroupedForce(PairForce):
         one = is_in(state, i, first) & is_in(state, j, second)
         other = is_in(state, i, second) & is_in(state, j, first)
         return ti.select(one | other, self.force.potential(state, i, j, inverse_distance), 0.0)
-
-
-@traced
-def is_in(state: Any, i: Any, group: Group) -> Any:
-    """Whether particle i, of any copy, belongs to a group, (first index, count)."""
-    own = i % state.particle_count if state.replica_count > 1 else i
-    return (own >= group[0]) & (own < group[0] + group[1])

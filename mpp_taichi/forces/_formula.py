@@ -10,14 +10,13 @@ from mpp_taichi.arithmetic.formula_steps import KernelArithmetic, number_like
 from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
 from mpp_taichi.arithmetic.particle_update import position_seen, velocity_seen, wide_position
 from mpp_taichi.arithmetic.traced import entry_of, traced
-from mpp_taichi.forces._base import ExternalForce, PairForce
-from mpp_taichi.forces._between import is_in
+from mpp_taichi.forces._base import ExternalForce, PairForce, is_in
 from mpp_taichi.scene.formulas.external_law import MOTION, PLACE, PUSH, ExternalLaw
 from mpp_taichi.scene.formulas.pair_law import QUANTITIES, PairLaw
 
 
 class FormulaPair(PairForce):
-    """A pair force whose potential is a formula of the distance; `bind` gives it its law."""
+    """A pair force whose potential is a formula of the distance."""
 
     is_formula = True
     singular_at_zero_distance = True
@@ -25,14 +24,15 @@ class FormulaPair(PairForce):
     law: PairLaw
     live: Mapping[str, str]
 
-    def bind(self, law: PairLaw, live: Mapping[str, str]) -> "FormulaPair":
-        """Take a law; `live` tells the attribute of each name of the formula whose value may change."""
-        self.law, self.live, self.needs = law, live, law.needs
-        self.takes_lanes = law.shape.only_multiplies and not live
-        self.derivatives_take_lanes = self.takes_lanes and law.slope.only_multiplies and law.curvature.only_multiplies
-        for flag, value in law.flags.items():
-            setattr(self, flag, value)
-        return self
+    @property
+    def takes_lanes(self) -> bool:
+        """Whether g only multiplies numbers that are the same for all lanes."""
+        return self.law.shape.only_multiplies and not self.live
+
+    @property
+    def derivatives_take_lanes(self) -> bool:
+        """Whether the derivatives of g do so too."""
+        return self.takes_lanes and self.law.slope.only_multiplies and self.law.curvature.only_multiplies
 
     @traced
     def response(self, state: Any, i: Any) -> Any:
@@ -84,20 +84,13 @@ class FormulaPair(PairForce):
 
 
 class FormulaField(ExternalForce):
-    """A force on each particle by a formula of its place, velocity and time; `bind` gives it its law."""
+    """A force on each particle by a formula of its place, velocity and time."""
 
     is_formula = True
     takes_any_numbers = True
     on: tuple[int, int] | None = None
     law: ExternalLaw
     live: Mapping[str, str]
-
-    def bind(self, law: ExternalLaw, live: Mapping[str, str]) -> "FormulaField":
-        """Take a law; `live` tells the attribute of each name of the formula whose value may change."""
-        self.law, self.live, self.needs = law, live, law.needs
-        for flag, value in law.flags.items():
-            setattr(self, flag, value)
-        return self
 
     @traced
     def accelerate(self, state: Any, i: Any, velocity: Any, time: Any) -> Any:

@@ -9,8 +9,7 @@ from mpp_taichi.arithmetic.force_numbers import is_above_zero, parameter, root, 
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic, number_like
 from mpp_taichi.arithmetic.particle_update import separation, wide_position
 from mpp_taichi.arithmetic.traced import entry_of, traced
-from mpp_taichi.forces._base import BondForce
-from mpp_taichi.forces._between import is_in
+from mpp_taichi.forces._base import BondForce, is_in
 from mpp_taichi.scene.formulas.bond_law import LENGTH, REST, BondLaw
 from mpp_taichi.types import Template
 
@@ -20,7 +19,7 @@ square, and as much would the quotient of differences lose to rounding."""
 
 
 class FormulaBond(BondForce):
-    """A bond whose potential is a formula of its length; `bind` gives it its law."""
+    """A bond whose potential is a formula of its length."""
 
     is_formula = True
     has_curvature = True
@@ -28,13 +27,6 @@ class FormulaBond(BondForce):
     of: tuple[int, int] | None = None
     law: BondLaw
     live: Mapping[str, str]
-
-    def bind(self, law: BondLaw, live: Mapping[str, str]) -> "FormulaBond":
-        """Take a law; `live` tells the attribute of each name of the formula whose value may change."""
-        self.law, self.live, self.needs = law, live, law.needs
-        for flag, value in law.flags.items():
-            setattr(self, flag, value)
-        return self
 
     @ti.func
     def force(self, state: Template, i, j, h):
@@ -75,13 +67,6 @@ class FormulaBond(BondForce):
         along = where(there, self._of_length(self.law.along, state, h, length), 0.0)
         across = where(there, self._of_length(self.law.shape, state, h, length), 0.0)
         return self.within(state, i, j, along), self.within(state, i, j, across)
-
-    @ti.func
-    def step_lengths(self, state: Template, i, j):
-        """Lengths at the start and at the end of a step, the end as far beyond the middle as the start is before it."""
-        before = state.piece_start[j] - state.piece_start[i]
-        after = 2.0 * (state.position[j] - state.position[i]) - before
-        return ti.sqrt(before.dot(before)), ti.sqrt(after.dot(after))
 
     @ti.func
     def step_force(self, state: Template, i, j, h):

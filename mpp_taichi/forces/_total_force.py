@@ -46,7 +46,9 @@ def built(entry: ComponentSpec) -> Force:
     plain = {name: value for name, value in entry.parameters.items() if not name.startswith(PREFIX)}
     force: Any = component.build("forces", entry.name, plain)
     if entry.law is not None:
-        force.bind(entry.law, {name: at for name, at in live_names(entry).items() if name in entry.law.live})
+        force.law, force.needs = entry.law, entry.law.needs
+        force.live = {name: at for name, at in live_names(entry).items() if name in entry.law.live}
+        vars(force).update(entry.law.flags)
     return cast(Force, force)
 
 

@@ -9,8 +9,8 @@ class Bond(FormulaBond):
     """Force along the springs of a scene by a potential V(l) of their length, F_i = V′(l) d/l with d = x_j − x_i, l = |d|.
 
     The formula may use l, the rest length `rest` of the spring, the constants of the scene and `parameters`. The force acts
-    beside that of the springs themselves, D (l − rest): for the formula alone the springs get `stiffness: 0`. Their damping
-    stays. A spring whose ends coincide has no direction and exerts no force.
+    beside the force of the springs themselves, D (l − rest): for the formula alone the springs get `stiffness: 0`. Their
+    damping stays. A spring whose ends coincide has no direction and exerts no force.
     """
 
     potential_: Law = param(names=("l", "rest"), unit="energy", help="V(l), such as D*(1 - exp(-a*(l - l0)))^2")

@@ -93,13 +93,6 @@ class Spring(BondForce):
         return along, across
 
     @ti.func
-    def step_lengths(self, state: Template, i, j):
-        """Lengths at the start and at the end of a step, the end as far beyond the middle as the start is before it."""
-        before = state.piece_start[j] - state.piece_start[i]
-        after = 2.0 * (state.position[j] - state.position[i]) - before
-        return ti.sqrt(before.dot(before)), ti.sqrt(after.dot(after))
-
-    @ti.func
     def step_force(self, state: Template, i, j, h):
         """D (½ (l₀ + l₁) − L) (d₀ + d₁)/(l₀ + l₁), whose product with d₁ − d₀ is ½ D (l₁ − L)² − ½ D (l₀ − L)².
 

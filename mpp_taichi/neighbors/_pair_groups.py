@@ -12,8 +12,7 @@ class GroupMember:
     def __init__(self, index: int, force: Any) -> None:
         self.index = index
         self.force = force
-        known = getattr(force, "takes_lanes", None)
-        self.elementwise = is_elementwise(type(force).shape) if known is None else known
+        self.elementwise = takes_lanes(force)
 
 
 class SofteningGroup:
@@ -29,3 +28,15 @@ def grouped(pair_forces: Sequence[Any]) -> tuple[tuple[GroupMember, ...], tuple[
     members = tuple(GroupMember(index, force) for index, force in enumerate(pair_forces))
     softenings = dict.fromkeys(float(force.softening) for force in pair_forces)
     return members, tuple(SofteningGroup(s, [m for m in members if float(m.force.softening) == s]) for s in softenings)
+
+
+def takes_lanes(force: Any) -> bool:
+    """Whether the shape of a force may get a vector of lanes in place of a number."""
+    known: bool | None = getattr(force, "takes_lanes", None)
+    return is_elementwise(type(force).shape) if known is None else known
+
+
+def derivatives_take_lanes(force: Any) -> bool:
+    """Whether slope and curvature of a force may get a vector of lanes in place of a number."""
+    known: bool | None = getattr(force, "derivatives_take_lanes", None)
+    return known if known is not None else is_elementwise(type(force).slope) and is_elementwise(type(force).curvature)

@@ -17,17 +17,12 @@ from mpp_taichi.arithmetic.inverse_distance import (
     inverse_distance,
     second_change_of_inverse_distance,
 )
-from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import multiply_add
 from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
+from mpp_taichi.neighbors._pair_groups import derivatives_take_lanes
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
-
-
-def _derivatives_take_lanes(force: Any) -> bool:
-    """Whether slope and curvature of a force may get a vector of lanes in place of a number."""
-    known = getattr(force, "derivatives_take_lanes", None)
-    return known if known is not None else is_elementwise(type(force).slope) and is_elementwise(type(force).curvature)
 
 
 @ti.data_oriented
@@ -50,7 +45,7 @@ class PairDerivatives:
         self.groups, self.members = pairs.groups, pairs.members
         # A tile holds a body in each lane and reads all other bodies once. For few bodies the lanes are not worth the work.
         self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
-        self.elementwise = all(m.elementwise and _derivatives_take_lanes(m.force) for m in self.members)
+        self.elementwise = all(m.elementwise and derivatives_take_lanes(m.force) for m in self.members)
         self.longest_loop = pairs.longest_loop
         self._checked_state: Any = None
 

@@ -1,9 +1,11 @@
 """Pairs of groups of particles between which a force acts: which pairs they are, for kernels and for NumPy alike."""
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
+Term = TypeVar("Term")
 Group = tuple[int, int]
 """First index and count."""
 
@@ -15,6 +17,21 @@ def shares(first: Group, second: Group) -> list[tuple[Group, Group, float]]:
     begin, end = max(first[0], second[0]), min(first[0] + first[1], second[0] + second[1])
     both = [((begin, end - begin), (begin, end - begin), -1.0)] if end > begin else []
     return [(first, second, 1.0), (second, first, 1.0), *both]
+
+
+def between_groups(term: Term, between: Any) -> list[Term]:
+    """The terms of a force between two groups, which together are the force; the term itself where it acts between all.
+
+    A term is a dataclass with `source` and `response`, (…, N).
+    """
+    if between is None:
+        return [term]
+    one: Any = term
+    everyone = np.arange(one.source.shape[-1])
+    return [
+        replace(one, source=sign * one.source * is_in(acting, everyone), response=one.response * is_in(responds, everyone))
+        for responds, acting, sign in shares(*between)
+    ]
 
 
 def is_in(group: Group, index: Any) -> Any:

@@ -149,7 +149,7 @@ def test_beyond_a_cutoff_there_is_no_force_and_no_energy():
 @pytest.mark.parametrize(
     ("force", "told"),
     [
-        ({"pair": {"potential": "1/r", "between": ["g", "nobody"]}}, "forces.0..pair.between.1.: .*nobody"),
+        ({"pair": {"potential": "1/r", "between": ["g", "missing"]}}, "forces.0..pair.between.1.: .*missing"),
         ({"pair": {"potential": "1/r", "between": ["g"]}}, "must be a list of 2 particles or groups"),
         ({"newtonian_gravity": {"solver": "tree", "between": ["g", "h"]}}, "a tree sums gravity between all bodies"),
         ({"pair": {"potential": "1/r", "cutoff": "2*nothing"}}, "forces.0..pair.cutoff: unknown name 'nothing'"),

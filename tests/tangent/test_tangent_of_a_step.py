@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shifted_starts import ends_from
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.errors import BackendError, UnsupportedError
@@ -22,18 +23,6 @@ def with_tangent(scene):
     return {**scene, "expect": MEASURED}
 
 
-def ends_from(scene, starts):
-    """Positions and velocities after STEPS steps from each start, without a tangent."""
-    ends = []
-    with Simulation(scene, backend="cpu", precision="f64") as simulation:
-        for start in starts:
-            simulation.restart()
-            simulation.state.write(*np.split(start, 2))
-            simulation.run(steps=STEPS, judge="off")
-            ends.append(np.concatenate(simulation.state.read()))
-    return ends
-
-
 @pytest.mark.parametrize("name", TAKES_TANGENT)
 @pytest.mark.sampled(6)
 def test_deviations_are_the_derivative_of_the_run(name):
@@ -44,7 +33,7 @@ def test_deviations_are_the_derivative_of_the_run(name):
         simulation.run(steps=STEPS, judge="off")
         found = np.concatenate(simulation.phase.tangent.read_deviation())
     # Differences over h and 2 h, extrapolated: the error is of fourth order in h, beside rounding over h.
-    sides = ends_from(scene, [start + k * SHIFT * deviation for k in (-2, -1, 1, 2)])
+    sides = ends_from(scene, [start + k * SHIFT * deviation for k in (-2, -1, 1, 2)], STEPS)
     near, far = (sides[2] - sides[1]) / (2 * SHIFT), (sides[3] - sides[0]) / (4 * SHIFT)
     by_difference = (4 * near - far) / 3
     size = np.abs(np.concatenate(sides)).max()

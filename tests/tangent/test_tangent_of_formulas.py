@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shifted_starts import ends_from
 
 from mpp_taichi import Simulation
 
@@ -28,19 +29,6 @@ def scene_of(forces, **more):
     }
 
 
-def ends_from(scene, starts):
-    """Positions and velocities after STEPS steps from each start, without a tangent."""
-    ends = []
-    plain = {key: value for key, value in scene.items() if key != "expect"}
-    with Simulation(plain, backend="cpu", precision="f64") as simulation:
-        for start in starts:
-            simulation.restart()
-            simulation.state.write(*np.split(start, 2))
-            simulation.run(steps=STEPS, judge="off")
-            ends.append(np.concatenate(simulation.state.read()))
-    return ends
-
-
 @pytest.mark.parametrize("forces", [*([{"pair": {"potential": text}}] for text in PAIRS), [FIELD]], ids=[*PAIRS, "field"])
 @pytest.mark.sampled(4)
 def test_deviations_are_the_derivative_of_the_run(forces):
@@ -51,7 +39,8 @@ def test_deviations_are_the_derivative_of_the_run(forces):
         simulation.run(steps=STEPS, judge="off")
         found = np.concatenate(simulation.phase.tangent.read_deviation())
     # Differences over h and 2 h, extrapolated: the error is of fourth order in h, beside rounding over h.
-    sides = ends_from(scene, [start + k * SHIFT * deviation for k in (-2, -1, 1, 2)])
+    plain = {key: value for key, value in scene.items() if key != "expect"}
+    sides = ends_from(plain, [start + k * SHIFT * deviation for k in (-2, -1, 1, 2)], STEPS)
     near, far = (sides[2] - sides[1]) / (2 * SHIFT), (sides[3] - sides[0]) / (4 * SHIFT)
     size = np.abs(np.concatenate(sides)).max()
     rounding = 20 * STEPS * ROUND_OFF * size * max(1.0, np.abs(found).max()) / SHIFT

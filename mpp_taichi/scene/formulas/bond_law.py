@@ -6,7 +6,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -15,13 +15,12 @@ import sympy
 
 from mpp_taichi.scene.expressions import parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
-from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
 
 LENGTH, REST = "l", "rest"
 NAMES = (LENGTH, REST)
-_PROGRAMS = ("shape", "slope", "curvature", "along", "energy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +46,6 @@ class BondLaw:
 
     kind = "bond"
 
-    def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "BondLaw":
-        """The law with numbers for the `fixed` names."""
-        values = dict(fixed)
-        changed = {name: getattr(self, name).with_numbers(values) for name in _PROGRAMS}
-        functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
-        flags = {**self.flags, "has_functions": functions, "takes_low_parts": not functions}
-        return replace(self, **changed, flags=flags, live=live)
-
     def at(self, name: str, length: Any, rest: Any, values: Mapping[str, float]) -> Any:
         """One of `shape`, `along` and `energy` at some lengths, by NumPy."""
         live = {key: np.float64(value) for key, value in values.items()}
@@ -74,7 +65,7 @@ def bond_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, .
     ExpressionError, with the character in the text, where it is no potential of a length.
     """
     exponents, others = split_numbers(text, fixed)
-    return _derived(text, exponents, (*(name for name, _ in others), *live)).with_numbers(others, live)
+    return with_numbers(_derived(text, exponents, (*(name for name, _ in others), *live)), others, live)
 
 
 @lru_cache(maxsize=256)
@@ -90,7 +81,7 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
     has_more = not kinks(expression) and is_short(along)
     slope = sympy.diff((rate / length).subs(length, 1 / inverse), inverse) if has_more else sympy.Integer(0)
     has_more = has_more and is_short(slope)
-    derived = [sympy.factor_terms(rate / length), slope, sympy.diff(slope, inverse) if has_more else sympy.Integer(0), along]
+    derived = [tidy(rate / length), slope, sympy.diff(slope, inverse) if has_more else sympy.Integer(0), along]
     programs = [StepProgram.of([each], (*NAMES, "u"), (LENGTH, "u")) for each in (*derived, energy)]
     needs = {"mass", "spring_start", "spring_neighbor"}
     if any(REST in program.names for program in programs):

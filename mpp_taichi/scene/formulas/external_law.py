@@ -7,7 +7,7 @@ The derivatives are SymPy's. An acceleration may depend on the velocity, and the
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -16,19 +16,16 @@ import sympy
 
 from mpp_taichi.scene.expressions import ExpressionError, parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
-from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.pair_law import QUANTITIES
+from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
 
 PLACE = ("x", "y", "z")
 MOTION = ("vx", "vy", "vz")
 PUSH = ("ax", "ay", "az")  # the acceleration, of which the second derivative is a function
-QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
 NAMES = (*PLACE, "r", "t", *QUANTITIES)
 NAMES_WITH_VELOCITY = (*NAMES, *MOTION, "v")
-
-
-_PROGRAMS = ("acceleration", "jerk", "snap", "energy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +48,6 @@ class ExternalLaw:
     """The names whose numbers may change in a run."""
 
     kind = "field"
-
-    def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "ExternalLaw":
-        """The law with numbers for the `fixed` names."""
-        values = dict(fixed)
-        changed = {name: getattr(self, name).with_numbers(values) for name in _PROGRAMS}
-        functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
-        low = not functions and not self.flags["depends_on_time"]
-        return replace(self, **changed, flags={**self.flags, "has_functions": functions, "takes_low_parts": low}, live=live)
 
     @staticmethod
     def errors(program: StepProgram, values: Mapping[str, Any]) -> list[Any]:
@@ -96,7 +85,7 @@ def external_law(
     exponents = tuple(dict.fromkeys(each for text in texts for each in split_numbers(text, fixed)[0]))
     others = tuple(each for each in fixed if each not in exponents)
     derived = _derived(potential, acceleration, dimensions, exponents, (*(name for name, _ in others), *live))
-    return derived.with_numbers(others, live)
+    return with_numbers(derived, others, live)
 
 
 @lru_cache(maxsize=256)
@@ -133,9 +122,9 @@ def _derived(
     try:
         if potential is not None:
             energy = found[0]
-            rates = [checked_size(_tidy(-sympy.diff(energy, x) / symbols["m"])) for x in place]
+            rates = [checked_size(tidy(-sympy.diff(energy, x) / symbols["m"])) for x in place]
         else:
-            energy, rates = sympy.Integer(0), [_tidy(each) for each in found[:dimensions]]
+            energy, rates = sympy.Integer(0), [tidy(each) for each in found[:dimensions]]
         moved = any(rate.has(each) for rate in rates for each in motion)
         timed = any(each.has(symbols["t"]) for each in (*rates, energy))
         jerk, snap = [], []
@@ -150,7 +139,7 @@ def _derived(
     except ExpressionError as error:
         raise LawError(0, error) from None
     variables = (*PLACE, *MOTION, *PUSH, "t", *QUANTITIES)
-    laws = (rates, jerk, snap, [sympy.Integer(0) if timed else _tidy(energy)])
+    laws = (rates, jerk, snap, [sympy.Integer(0) if timed else tidy(energy)])
     programs = [StepProgram.of(each, variables) for each in laws]
     flags = {
         "conserves_energy": potential is not None and not timed,
@@ -172,7 +161,3 @@ def _along(expression: Any, place: list[Any], motion: list[Any], time: Any) -> A
 def _along_push(expression: Any, motion: list[Any], push: list[Any]) -> Any:
     """(a·∂/∂v) f."""
     return sum(sympy.diff(expression, v) * a for v, a in zip(motion, push, strict=True))
-
-
-def _tidy(expression: Any) -> Any:
-    return sympy.factor_terms(expression)

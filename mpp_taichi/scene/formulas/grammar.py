@@ -90,6 +90,11 @@ def kinks(expression: Expression) -> list[tuple[str, int]]:
     return found
 
 
+def tidy(expression: Any) -> Any:
+    """Common factors of the terms taken out, which is never slow and never less accurate."""
+    return sympy.factor_terms(expression)
+
+
 def is_short(expression: Any) -> bool:
     """Whether a derivative has a further derivative; without, methods that ask for one are refused."""
     return bool(expression.count_ops() <= DERIVED_STEPS_ALLOWED)

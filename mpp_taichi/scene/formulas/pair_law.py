@@ -7,7 +7,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -16,8 +16,8 @@ import sympy
 
 from mpp_taichi.scene.expressions import Expression, ExpressionError, parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic
-from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import ROUNDINGS_OF_QUOTIENT, Rounded, RoundingArithmetic
 
 DISTANCE = "r"
@@ -25,7 +25,6 @@ QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
 """Letters of the quantities of particles; in a formula a 1 or a 2 behind the letter tells the particle of the pair."""
 NAMES = (DISTANCE, *(f"{letter}{end}" for letter in QUANTITIES for end in (1, 2)))
 _U = sympy.Symbol("u", positive=True)
-_PROGRAMS = ("shape", "slope", "curvature", "energy", "source", "response", "reach")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +53,6 @@ class PairLaw:
     """The cutoff, of the numbers; infinite where there is none."""
 
     kind = "pair"
-
-    def with_numbers(self, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> "PairLaw":
-        """The law with numbers for the `fixed` names."""
-        values = dict(fixed)
-        changed = {name: getattr(self, name).with_numbers(values) for name in _PROGRAMS}
-        functions = tuple(dict.fromkeys(each for name in _PROGRAMS for each in changed[name].functions))
-        flags = {**self.flags, "has_functions": functions, "takes_low_parts": not functions}
-        return replace(self, **changed, flags=flags, live=live)
 
     def reach_at(self, values: Mapping[str, float]) -> float:
         """The distance beyond which there is no force."""
@@ -106,7 +97,7 @@ def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, .
     the character in the text, where it is no potential of a pair; CutoffError where the cutoff is no distance.
     """
     exponents, others = split_numbers(text, fixed)
-    law = _derived(text, exponents, (*(name for name, _ in others), *live), cutoff).with_numbers(others, live)
+    law = with_numbers(_derived(text, exponents, (*(name for name, _ in others), *live), cutoff), others, live)
     if cutoff is not None and not live and not law.reach_at({}) > 0.0:
         raise CutoffError(f"{law.reach_at({}):g} is not allowed, must be above 0")
     return law
@@ -122,14 +113,14 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
     expression.check_names(values)
     potential = symbolic(expression, values)
     factor, alone = _separated(sympy.factor_terms(potential), expression)
-    derivatives = [checked_size(_tidy(-(_U**3) * sympy.diff(alone, _U)))]
+    derivatives = [checked_size(tidy(-(_U**3) * sympy.diff(alone, _U)))]
     has_more = not kinks(expression)
     for _ in range(2):
-        more = _tidy(sympy.diff(derivatives[-1], _U)) if is_short(derivatives[-1]) else sympy.Integer(0)
+        more = tidy(sympy.diff(derivatives[-1], _U)) if is_short(derivatives[-1]) else sympy.Integer(0)
         has_more = has_more and is_short(derivatives[-1]) and is_short(more)
         derivatives.append(more if has_more else sympy.Integer(0))
     mass, charge = _symbol("m"), _symbol("q")
-    energy, within = _tidy(alone), None
+    energy, within = tidy(alone), None
     reach = sympy.oo if cutoff is None else _reach(cutoff, values)
     if cutoff is not None:
         within = _U - 1 / reach
@@ -200,8 +191,3 @@ def _of_any(factor: Any, end: int) -> Any:
 def _symbol(letter: str, end: str = "") -> Any:
     """The symbol of a quantity; masses and radii are positive, and a charge may have either sign."""
     return sympy.Symbol(f"{letter}{end}", **({"real": True} if letter == "q" else {"positive": True}))
-
-
-def _tidy(expression: Any) -> Any:
-    """Common factors of the terms taken out, which is never slow and never less accurate."""
-    return sympy.factor_terms(expression)

@@ -6,12 +6,14 @@ and quotients are collected, so that a formula costs what a careful hand would w
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 
+Law = TypeVar("Law")
 PLAIN_STEPS = ("number", "name", "+", "-", "*", "/", "root", "chosen", "abs")
 """Steps that every device has in every precision."""
 
@@ -86,6 +88,19 @@ class StepProgram:
         if operation == "chosen":
             return arithmetic.chosen(*numbers)
         return arithmetic.function(operation, numbers[0])
+
+
+def with_numbers(law: Law, fixed: Sequence[tuple[str, float]], live: tuple[str, ...]) -> Law:
+    """A law, which is a dataclass with programs, with numbers for the `fixed` names of all its programs."""
+    of_law: Any = law
+    programs = {each.name: getattr(law, each.name) for each in fields(of_law)}
+    numbers = dict(fixed)
+    changed = {name: each.with_numbers(numbers) for name, each in programs.items() if isinstance(each, StepProgram)}
+    functions = tuple(dict.fromkeys(function for each in changed.values() for function in each.functions))
+    low = not functions and not of_law.flags.get("depends_on_time", False)
+    flags = {**of_law.flags, "has_functions": functions, "takes_low_parts": low}
+    found: Law = replace(of_law, **changed, flags=flags, live=live)
+    return found
 
 
 def _arguments(step: tuple[Any, ...]) -> tuple[int, ...]:
