@@ -8,6 +8,7 @@ from mpp_taichi.arithmetic.double_single import DoubleSingle
 from mpp_taichi.arithmetic.elementary_functions import absolute, elementary, power
 from mpp_taichi.arithmetic.force_numbers import root
 from mpp_taichi.arithmetic.kernel_number import KernelNumber
+from mpp_taichi.arithmetic.unit_step import unit_step
 
 
 class KernelArithmetic:
@@ -40,7 +41,13 @@ class KernelArithmetic:
 
     @staticmethod
     def chosen(condition: Any, value: Any, other: Any) -> Any:
-        """The value where the condition is above 0, else the other."""
+        """The value where the condition is above 0, else the other.
+
+        Of vectors of lanes both must be finite, as a comparison of whole vectors is not to be had (unit_step.py).
+        """
+        if isinstance(condition, ti.lang.expr.Expr) and condition.is_tensor():
+            step = KernelArithmetic.kept(unit_step(condition))
+            return other + (value - other) * step
         above = condition > 0.0
         kinds = [each for each in (value, other) if isinstance(each, KernelNumber)]
         if not kinds:

@@ -10,6 +10,7 @@ from mpp_taichi import component
 from mpp_taichi.component import REQUIRED, Declaration, Parameter
 from mpp_taichi.scene.asked_quantities import tangent_quantities, without_tangent
 from mpp_taichi.scene.pair_forces import is_pair_force
+from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 
@@ -113,7 +114,7 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
             continue
         if has_tangent and not declared.flags.get("takes_any_numbers"):
             continue
-        if is_pair_force(name) and tree_of(spec) is not None:  # a tree allows no other pair force
+        if is_pair_force(name) and (tree_of(spec) is not None or acts_across_faces(spec)):  # which allow no other pair force
             continue
         parameters = _slight(declared)
         if parameters is not None:

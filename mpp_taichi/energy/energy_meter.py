@@ -66,8 +66,8 @@ class EnergyMeter:
         if self._rows is not None:
             self._rows.add_to(self.state, terms)
         terms = terms.astype(np.float64)
-        if self.total_force.by_tree:
-            terms += self.total_force.tree_potential(self.state)
+        if self.total_force.sums_apart:
+            terms += self.total_force.pair_potentials(self.state)
         return total(terms)
 
     def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class EnergyMeter:
 
 def is_in_rows(state: State, total_force: TotalForce) -> bool:
     """Whether the energy of pairs is summed in rows of lanes: for many bodies on a CPU, of which none merge."""
-    many = total_force.has_pairs and not total_force.by_tree and state.particle_count >= LEAST_COUNT
+    many = total_force.has_pairs and not total_force.sums_apart and state.particle_count >= LEAST_COUNT
     return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.all_pairs.merges)
 
 

@@ -4,6 +4,7 @@ All forces give accelerations, so that a massless test particle needs no special
 that the formula reads beside position and velocity.
 """
 
+import math
 from typing import Any
 
 import taichi as ti
@@ -84,6 +85,7 @@ class PairForce(Force):
     takes_lanes: bool | None = None  # whether `shape` may get a whole vector; None: to be read from its source text
     derivatives_take_lanes: bool | None = None  # the same of `slope` and `curvature`
     softening = 0.0
+    reach = math.inf  # distance beyond which the force is 0 for any parameters that may change in a run [length]
     solver = "direct"  # how the force is summed: a row of `SOLVERS` in _pair_solver.py
 
     @ti.func

@@ -32,7 +32,7 @@ class GroupedForce(PairForce):
     def __init__(self, force: Any, responds: Group, acts: Group, sign: float, *, tells_energy: bool) -> None:
         """Particles of the group `responds` feel those of the group `acts`; one of the terms has the energy of all pairs."""
         self.force, self.responds, self.acts, self.sign, self.tells_energy = force, responds, acts, sign, tells_energy
-        for name in ("needs", "softening", "takes_any_numbers", "takes_low_parts", "has_functions", "has_derivatives"):
+        for name in ("needs", "softening", "reach", "takes_any_numbers", "takes_low_parts", "has_functions", "has_derivatives"):
             setattr(self, name, getattr(force, name))
         self.takes_lanes, self.derivatives_take_lanes = takes_lanes(force), derivatives_take_lanes(force)
 

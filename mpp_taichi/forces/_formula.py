@@ -1,5 +1,6 @@
 """Forces whose law is a formula: the programs of formulas/ inside the loops of every other force."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,12 +28,17 @@ class FormulaPair(PairForce):
     @property
     def takes_lanes(self) -> bool:
         """Whether g only multiplies numbers that are the same for all lanes."""
-        return self.law.shape.only_multiplies and not self.live
+        return self.law.shape.takes_lanes and not self.live
 
     @property
     def derivatives_take_lanes(self) -> bool:
         """Whether the derivatives of g do so too."""
-        return self.takes_lanes and self.law.slope.only_multiplies and self.law.curvature.only_multiplies
+        return self.takes_lanes and self.law.slope.takes_lanes and self.law.curvature.takes_lanes
+
+    @property
+    def reach(self) -> float:
+        """The cutoff, where it is a fixed number."""
+        return math.inf if self.law.reach.names else self.law.reach_at({})
 
     @traced
     def response(self, state: Any, i: Any) -> Any:

@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mpp_taichi.forces._base import PairForce
+from mpp_taichi.forces._lists import Lists
 
 
 def pair_solver(
@@ -31,11 +32,15 @@ def pair_solver(
     merges: bool,
     derivatives: int,
     two_parts: bool = False,
+    lists: Lists | None = None,
 ) -> tuple[str, Any]:
     """Name and solver of the sum of these forces, of which there is at least one.
 
-    Raises TypeError where one force asks for a solver that cannot sum all of them.
+    `lists` are the sizes of lists of neighbours, where these suit the scene. Raises TypeError where one force asks for a solver
+    that cannot sum all of them.
     """
+    if lists is not None:
+        return "lists", _by_lists(pairs, particle_count, dimensions, lists)
     named = [force.solver for force in pairs if force.solver != "direct"]
     name = named[0] if named else "direct"
     solver = SOLVERS[name](pairs, particle_count, dimensions, merges, derivatives)
@@ -66,6 +71,12 @@ def _tree(pairs: Sequence[PairForce], particle_count: int, dimensions: int, merg
     if len(pairs) > 1 or derivatives or merges:
         raise TypeError("a tree sums only gravity, without derivatives, over bodies that do not merge")
     return TreeSum(pairs[0], particle_count, dimensions)
+
+
+def _by_lists(pairs: Sequence[PairForce], particle_count: int, dimensions: int, lists: Lists) -> Any:
+    from mpp_taichi.neighbors.cutoff_sum import CutoffSum
+
+    return CutoffSum(pairs, particle_count, dimensions, reach=lists.reach, box=lists.box)
 
 
 SOLVERS: dict[str, Callable[..., Any]] = {"direct": _direct, "tree": _tree}

@@ -71,12 +71,14 @@ class TotalForce:
         derivatives: int = 0,
         two_parts: bool = False,
         rods: Any = None,
+        lists: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
-        forces are no part of the sum: the methods that keep the lengths of rods apply them.
+        forces are no part of the sum: the methods that keep the lengths of rods apply them. `lists` are the sizes of the lists
+        of neighbours by which the pairs are summed (_lists.py), if they are.
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
         self.forces = forces
@@ -93,9 +95,10 @@ class TotalForce:
             from mpp_taichi.forces._pair_solver import pair_solver  # only for scenes that have pairs
 
             self.pair_solver, self.pair_sum = pair_solver(
-                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives, two_parts=two_parts
+                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives, two_parts=two_parts, lists=lists
             )
-        self.by_tree = self.pair_solver == "tree"
+        self.by_tree, self.by_lists = self.pair_solver == "tree", self.pair_solver == "lists"
+        self.sums_apart = self.by_tree or self.by_lists  # pairs in launches of their own, by all threads together
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
         self.has_pairs_alone = self.has_pairs and not others
         self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
@@ -127,6 +130,20 @@ class TotalForce:
         """Whether a launched sum of symmetric pairs is the whole force, so that it may overwrite the accelerations."""
         return self.has_pairs_alone and bool(self.pair_sum.is_symmetric(state))
 
+    def work_fields(self) -> dict[str, tuple[str, int]]:
+        """The fields that the sum needs in the state: kind and count by name."""
+        return {**(self.rods.work_fields() if self.has_rods else {}), **(self.pair_sum.work_fields() if self.by_lists else {})}
+
+    @property
+    def memory(self) -> tuple[str, ...]:
+        """The fields of `work_fields` that a saved state has."""
+        return self.pair_sum.memory if self.by_lists else ()
+
+    def begin(self, state: Any) -> None:
+        """Forget what earlier sums have left."""
+        if self.by_lists:
+            self.pair_sum.begin(state)
+
     def destroy(self) -> None:
         """Free the memory of the sums."""
         if self.has_pairs:
@@ -155,8 +172,8 @@ class TotalForce:
         """Union of the needs of all forces."""
         return frozenset().union(*(force.needs for force in self.forces), () if self.rods is None else self.rods.needs)
 
-    def tree_potential(self, state: Any) -> np.ndarray:
-        """Shares of the particles of the first replica in the potential energy, where it is summed `by_tree`."""
+    def pair_potentials(self, state: Any) -> np.ndarray:
+        """Shares of the particles of the first replica in the potential energy of pairs that are summed in launches apart."""
         return self.pair_sum.potential_terms(state)
 
     @ti.func
@@ -356,10 +373,10 @@ class TotalForce:
     def potential_energy_of(self, state: Template, first, i, time):
         """Share of particle i in the potential energy, in f64: a pair's or a spring's energy is split evenly between its ends.
 
-        Without the sum of a tree, which `tree_potential` computes for all particles at once.
+        Without pairs that are summed in launches apart, whose energies `pair_potentials` computes for all particles at once.
         """
         result = self.potential_energy_without_pairs(state, first, i, time)
-        if ti.static(self.has_pairs and not self.by_tree):
+        if ti.static(self.has_pairs and not self.sums_apart):
             result += self.pair_sum.potential_energy_of(state, i)
         return result
 

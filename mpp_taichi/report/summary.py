@@ -94,7 +94,7 @@ def summarize(
     evaluations = float(max(1, simulation.integrator.evaluations))
     if control:
         evaluations = control["step_control"]["force_evaluations"] / max(1, simulation.step_count)
-    by_pairs = simulation.total_force.has_pairs and not simulation.total_force.by_tree
+    by_pairs = simulation.total_force.has_pairs and not simulation.total_force.sums_apart
     pairs = count * (count - 1) * evaluations if by_pairs else 0
     return {
         "scene": spec.source,
@@ -209,5 +209,7 @@ def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
         return "a device of many threads"
     if simulation.total_force.by_tree:
         return "a tree is built and walked by all threads"
+    if simulation.total_force.by_lists:
+        return "lists of neighbours are made and read by all threads"
     relation = "below" if simulation.plan == "serial" else "from"
     return f"work of a step {simulation.phase.work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"

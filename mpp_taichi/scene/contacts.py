@@ -11,6 +11,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.fields import Field, Text
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
+from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import ComponentSpec, ContactsSpec, Location, PairSpec, SceneSpec
 
 LOOKS = 1000  # in an event-driven run for which the scene gives no time between samples
@@ -79,8 +80,11 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     contact.
     """
     if spec.contacts is None:
+        across = acts_across_faces(spec)
         for number, wall in enumerate(spec.walls):
-            faults.add(wall.location, f"walls[{number}].{wall.name}", "acts on contacts only, so the scene must have contacts:")
+            if not (across and wall.flag("walls", "repeats")):
+                rule = "acts on contacts only, so the scene must have contacts:"
+                faults.add(wall.location, f"walls[{number}].{wall.name}", rule)
         name = spec.integrator.name
         if spec.integrator.flag("integrators", "flies"):
             faults.add(spec.integrator.location, f"integrator.{name}", f"needs contacts with solver: {name}")

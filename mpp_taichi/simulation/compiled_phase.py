@@ -19,7 +19,7 @@ from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
-from mpp_taichi.start.contact_setup import contact_setup
+from mpp_taichi.start.contact_setup import contact_setup, enclosure_of
 from mpp_taichi.start.tangent_copies import copies_of
 from mpp_taichi.state.tangent_growth import TangentGrowth
 from mpp_taichi.state.vector_layout import layout_of
@@ -55,6 +55,7 @@ class CompiledPhase:
         """Import the components that the phase names, allocate its fields and fill them."""
         # Taichi code is imported here and not before, and only the components that the scene names.
         from mpp_taichi.energy.energy_meter import EnergyMeter
+        from mpp_taichi.forces._lists import lists_for
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
@@ -83,6 +84,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
             rods=rods,
+            lists=lists_for(self, forces, asked=plan),
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(spec, start, self.total_force, device.precision)
@@ -137,12 +139,11 @@ class CompiledPhase:
             refusals.check_range(start, self.total_force, device.precision)
             scratch_count += integrator.low_scratch_count() * (2 if forces_have_low_parts(device.precision) else 1)
             fields = {**fields, "step_parts": ("vector2", len(integrator.step_numbers(1.0)))}
-        if self.total_force.has_rods:
-            fields = {**fields, **self.total_force.rods.work_fields()}
+        fields = {**fields, **self.total_force.work_fields()}
         solver = self._contact_solver(event_log) if spec.contacts is not None else None
         if solver is not None:
             fields = {**fields, **solver.work_fields(start.particle_count)}
-        memory = (*integrator.memory, *(solver.memory if solver is not None else ()))
+        memory = (*integrator.memory, *self.total_force.memory, *(solver.memory if solver is not None else ()))
         if self.has_tangent:
             from mpp_taichi.state.tangent_meter import TangentMeter
             from mpp_taichi.state.tangent_state import tangent_fields
@@ -257,6 +258,7 @@ class CompiledPhase:
 
     def _begin_afresh(self, dt: float) -> None:
         """Round positions and velocities as the method has them; forget forces and history; begin the sums of contacts."""
+        self.total_force.begin(self.state)
         self._begin_sums()
         self.integrator.adopt(self.state, dt)
         self._forget()
@@ -315,6 +317,7 @@ class CompiledPhase:
     def snapshot(self, clock: Clock, replica: int = 0) -> Snapshot:
         """Host copy of all particles now, in float64 whatever the precision is."""
         position, velocity, comoving = self.state.read_with_frame(replica)
+        position = position if self.phase.box is None else self.phase.box.inside(position)
         found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
         found = found if comoving is None else replace(found, comoving=comoving)
         return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
@@ -380,13 +383,8 @@ class CompiledPhase:
 
     @property
     def conserves_angular_momentum(self) -> bool:
-        """Whether the total angular momentum is constant.
-
-        It is not in a periodic box, through whose faces particles act along another line, and not where spheres merge, which
-        keep no spin.
-        """
-        periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
-        return self.conserves_momentum and not periodic and not self.state.merges
+        """Whether the total angular momentum is constant: not in a periodic box, nor where spheres merge."""
+        return self.conserves_momentum and not any(enclosure_of(self.spec).period) and not self.state.merges
 
     # Memory
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,15 @@ import numpy as np
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import sliders
 from mpp_taichi.scene.load import change_scene
+from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
 from mpp_taichi.simulation.first_bad_step import label
 from mpp_taichi.snapshot import Rods, Snapshot
 from mpp_taichi.start.assemble import assemble, springs_of
+from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.step import plans
+from mpp_taichi.walls._base import Enclosure
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,11 @@ class Phase:
     def effects(self) -> list[str]:
         """The effects that its step is compiled from, as scenes call them."""
         return self.spec.effects(len(self.particles.springs))
+
+    @cached_property
+    def box(self) -> Enclosure | None:
+        """The box that repeats, where pair forces act on the nearest copies of particles."""
+        return enclosure_of(self.spec) if acts_across_faces(self.spec) else None
 
     @property
     def dt(self) -> float:

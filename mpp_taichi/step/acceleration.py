@@ -11,7 +11,7 @@ from mpp_taichi.state.state import State
 from mpp_taichi.step.force_sum import ForceSum
 
 PARTS = ("position", "velocity", "position_low", "velocity_low", "position_rest", "velocity_rest")
-WRITTEN = (*PARTS, "acceleration", "acceleration_low", "jerk", "snap")
+WRITTEN = (*PARTS, "acceleration", "acceleration_low", "jerk", "snap", "listed_position")
 """Fields that are written by a measurement, and restored after it."""
 
 

@@ -63,6 +63,8 @@ def settle_plan(
                 "newtonian_gravity with solver: tree has only the parallel plan, for one copy; use solver: direct"
             )
         plan = "parallel" if asked == "auto" else plan
+    if total_force.by_lists:  # made and read by all threads together
+        plan = "parallel"
     if plan not in plans.PLANS or (replica_count > 1) != (plan == "replicas"):
         raise BackendError(
             f"plan {asked!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
@@ -121,7 +123,7 @@ def launcher_for(
 
 def sums_are_launched(total_force: TotalForce, plan: str, on_cpu: bool) -> bool:
     """Whether sums of forces are launches of their own (see LaunchedForceSum)."""
-    return bool(plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree))
+    return bool(plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.sums_apart))
 
 
 def _file_of(parts: StepParts, plan: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.contacts.events.grid import Grid
 from mpp_taichi.scene.formulas.laws import movable
+from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
@@ -76,7 +77,7 @@ def key_alone(spec: SceneSpec, start: Snapshot) -> Hashable | None:
 
     None where what is compiled follows from more than that, and each member is compiled by itself.
     """
-    if spec.timeline or tree_of(spec) is not None:
+    if spec.timeline or tree_of(spec) is not None or acts_across_faces(spec):
         return None
     arrays = [start.mass, start.charge, *(getattr(start.springs, name) for name in ("stiffness", "damping", "rest_length"))]
     contacts = spec.contacts
@@ -101,6 +102,8 @@ def why_alone(spec: SceneSpec) -> str:
         return "a timeline changes the step while it runs"
     if tree_of(spec) is not None:
         return "a tree is built by all threads for one copy"
+    if acts_across_faces(spec):
+        return "lists of neighbours are made by all threads for one copy"
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
     return ""

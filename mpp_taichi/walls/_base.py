@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from mpp_taichi.errors import PlacementError
 
 Vector = tuple[float, float, float]
@@ -71,6 +73,12 @@ class Enclosure:
     def repeats(self) -> tuple[bool, bool, bool]:
         """Whether the walls repeat along each axis."""
         return (self.period[0] > 0.0, self.period[1] > 0.0, self.period[2] > 0.0)
+
+    def inside(self, position: np.ndarray) -> np.ndarray:
+        """The copies of particles that lie in the box that repeats; `position` is (n, 3)."""
+        period = np.array(self.period)
+        boxes = np.floor((position - self.origin) / np.where(period > 0.0, period, np.inf))
+        return position - boxes * period
 
 
 class Wall:

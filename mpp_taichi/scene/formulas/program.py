@@ -54,9 +54,13 @@ class StepProgram:
         return _folded(self, values)
 
     @property
-    def only_multiplies(self) -> bool:
-        """Whether the steps only add, subtract, multiply and divide, so that vectors of lanes may be their values."""
-        return all(step[0] in ("number", "name", "+", "-", "*", "/") for step in self.steps)
+    def takes_lanes(self) -> bool:
+        """Whether vectors of lanes may be the values of the steps.
+
+        These only add, subtract, multiply and divide, but for a cutoff at the end, which sets numbers to 0.
+        """
+        steps = self.steps[:-1] if self.steps and self.steps[-1][0] == "chosen" else self.steps
+        return all(step[0] in ("number", "name", "+", "-", "*", "/") for step in steps)
 
     def run(self, arithmetic: Any, values: Mapping[str, Any], like: Any) -> list[Any]:
         """The results, with values for the names; `like` is a value whose kind the numbers of the program take."""
