@@ -70,6 +70,10 @@ class EnergyMeter:
             terms += self.total_force.pair_potentials(self.state)
         return total(terms)
 
+    def pair_virial(self) -> float:
+        """The virial Σ F_ij·(x_i − x_j) of all pairs [energy], where these are summed over lists of neighbours."""
+        return total(self.total_force.pair_virial(self.state).astype(np.float64))
+
     def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
         """The conserved quantities of a snapshot of this state, with masses rounded as on the device, where forces use them."""
         kept = replace(snapshot, mass=self.state.as_kept(snapshot.mass))

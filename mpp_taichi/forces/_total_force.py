@@ -176,6 +176,10 @@ class TotalForce:
         """Shares of the particles of the first replica in the potential energy of pairs that are summed in launches apart."""
         return self.pair_sum.potential_terms(state)
 
+    def pair_virial(self, state: Any) -> np.ndarray:
+        """Shares of the particles in the virial of the pairs, where these are summed `by_lists`."""
+        return self.pair_sum.virial_terms(state)
+
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
         """Acceleration of particle i from the external forces and springs that do (or do not) depend on velocity.

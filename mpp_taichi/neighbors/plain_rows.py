@@ -16,11 +16,10 @@ def is_plain(grid: Any) -> bool:
 
 
 @ti.func
-def visit_rows(grid: Template, slot, task: Template, carry, more, later: Template = True):
-    """carry = task(x, reach, carry, more, begin, end) for each run of slots in the cells around; returns the last carry.
+def visit_rows(grid: Template, slot, task: Template, carry, more):
+    """carry = task(x, reach, carry, more, begin, end) for each run of later slots in the cells around; returns the last carry.
 
-    With `later` only slots that come after the slot are in the runs; without, all slots, and the slot itself. `x` and `reach`
-    are the position and the reach of the slot. The task itself tests which slots of a run are near enough.
+    `x` and `reach` are the position and the reach of the slot. The task itself tests which slots of a run are near enough.
     """
     x, reach = grid.sorted_position[slot], grid.sorted_reach[slot]
     cells, strides = grid.levels.cells[0], ti.cast(grid.levels.strides[0], ti.i32)
@@ -39,20 +38,18 @@ def visit_rows(grid: Template, slot, task: Template, carry, more, later: Templat
         beyond = cells[0] - 1
     if highest[0] >= cells[0]:
         beyond = 0
-    first, first_y, first_z = 0, lowest[1], lowest[2]
-    if ti.static(later):
-        first = slot + 1
-        if lowest[1] >= 0 and lowest[2] >= 0:
-            first_y, first_z = own[1], own[2]  # rows before these hold only earlier slots
+    first_y, first_z = own[1], own[2]  # rows before these hold only earlier slots
+    if lowest[1] < 0 or lowest[2] < 0:
+        first_y, first_z = lowest[1], lowest[2]
     result = carry
     for z in range(first_z, highest[2] + 1):
         for y in range(first_y if z == first_z else lowest[1], highest[1] + 1):
             cell = grid.wrapped(ti.Vector([west, y, z]), cells)
             row = cell[1] * strides[0] + cell[2] * strides[1]
             begin, stop = grid.start[row + west], grid.start[row + east + 1]
-            if stop > first:
-                result = task(x, reach, result, more, ti.max(begin, first), stop)
+            if stop > slot + 1:
+                result = task(x, reach, result, more, ti.max(begin, slot + 1), stop)
             if beyond >= 0:
                 begin, stop = grid.start[row + beyond], grid.start[row + beyond + 1]
-                result = task(x, reach, result, more, ti.max(begin, first), stop)
+                result = task(x, reach, result, more, ti.max(begin, slot + 1), stop)
     return result

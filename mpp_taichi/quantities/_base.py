@@ -44,6 +44,10 @@ class RunSample(Protocol):
         """The sum over all forces that have a potential."""
 
     @property
+    def pair_virial(self) -> float:
+        """The virial Σ F_ij·(x_i − x_j) of all pairs [energy], of pair forces in a periodic box."""
+
+    @property
     def acceleration(self) -> np.ndarray:
         """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
 

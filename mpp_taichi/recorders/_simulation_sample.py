@@ -36,6 +36,11 @@ class SimulationSample:
         return self._simulation.phase.energy_meter.potential_energy(self.time)
 
     @cached_property
+    def pair_virial(self) -> float:
+        """The virial of the pair forces of a periodic box [energy]."""
+        return self._simulation.phase.energy_meter.pair_virial()
+
+    @cached_property
     def acceleration(self) -> np.ndarray:
         """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
         found: np.ndarray = self._simulation.accelerations(self.snapshot)

@@ -118,6 +118,11 @@ class ReplicaSample:
         return self._moment.tangent.of(slice(self._replica, self._replica + 1))
 
     @property
+    def pair_virial(self) -> float:
+        """Forces in a periodic box are those of a single simulation."""
+        raise NotImplementedError("the virial of pairs is measured of members that run alone")
+
+    @property
     def acceleration(self) -> np.ndarray:
         """Accelerations are measured of a single simulation only."""
         raise NotImplementedError("quantities that need accelerations are measured of members that run alone")
