@@ -30,7 +30,7 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 """Every kind of component, named as its folder is, in the order of the scene reference."""
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
-    *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
+    *("float", "int", "bool", "str", "Vector", "AxialVector", "Color", "Axes", "Shape"),
     *("Formula", "FormulaVector", "Law", "LawVector", "Numbers", "Groups"),
     *("Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
 )
@@ -311,6 +311,7 @@ def build(kind: str, name: str, parameters: dict[str, Any]) -> Any:
 
 # The names a parameter's annotation may use in a component file, so that the file also reads well to Python.
 Vector = tuple  # three numbers
+AxialVector = tuple  # three numbers along the axis of a turn or a magnetic field; in two dimensions only the third acts
 Color = tuple  # red, green, blue in 0…1
 Formula = Any  # number, or an expression over per-particle names, evaluated by the generator
 FormulaVector = tuple  # three Formulas

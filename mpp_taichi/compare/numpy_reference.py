@@ -120,7 +120,9 @@ class NumpyForces:
         fields = [each for each in formulas if not is_pair_force(each[2].name)]
         everyone = np.arange(given.mass.shape[1])
         all_feel = (0, len(everyone))
-        self.field_laws = [(law, values, is_in(force.parameters["on"] or all_feel, everyone)) for law, values, force in fields]
+        self.field_laws = [
+            (law, values, is_in(force.parameters.get("on") or all_feel, everyone)) for law, values, force in fields
+        ]
         self.has_springs = len(given.between) > 0
         self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping)) or any(map(_is_moved, self.field_laws))
 

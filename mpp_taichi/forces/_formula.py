@@ -90,7 +90,10 @@ class FormulaPair(PairForce):
 
 
 class FormulaField(ExternalForce):
-    """A force on each particle by a formula of its place, velocity and time."""
+    """A force on each particle by a formula of its place, velocity and time.
+
+    A formula of the package is written for three axes; in two dimensions z and v_z are 0.
+    """
 
     is_formula = True
     takes_any_numbers = True
@@ -111,6 +114,7 @@ class FormulaField(ExternalForce):
         if not hasattr(state, "estimate"):  # of a method that sums no snaps
             return [jerk, zero_vector(state)]
         push = entry_of(state.estimate, i)
+        values |= dict.fromkeys(PUSH[state.dimensions :], parameter(state, 0.0))
         values |= {name: _component(push, k) for k, name in enumerate(PUSH[: state.dimensions])}
         return [jerk, self._vector(state, i, self.law.snap, values)]
 
@@ -118,7 +122,8 @@ class FormulaField(ExternalForce):
     def potential(self, state: Any, i: Any, time: Any) -> Any:
         """V of particle i."""
         place = wide_position(state, i)
-        values = {name: entry_of(place, k) for k, name in enumerate(PLACE[: state.dimensions])}
+        values = dict.fromkeys(PLACE, ti.cast(0.0, state.wide))
+        values |= {name: entry_of(place, k) for k, name in enumerate(PLACE[: state.dimensions])}
         names = set(QUANTITIES) & self.law.energy.names
         values |= {name: wide_number(state, entry_of(getattr(state, QUANTITIES[name]), i)) for name in names}
         values |= {name: wide_number(state, parameter(state, getattr(self, at))) for name, at in self.live.items()}
@@ -133,6 +138,8 @@ class FormulaField(ExternalForce):
             for names, vector in ((PLACE, position_seen(state, i)), (MOTION, velocity))
             for k, name in zip(axes, names)
         }
+        missing = {*PLACE[state.dimensions :], *MOTION[state.dimensions :]} & used
+        values |= {name: parameter(state, 0.0) for name in missing}
         values |= {name: entry_of(getattr(state, QUANTITIES[name]), i) for name in used & set(QUANTITIES)}
         values |= {name: parameter(state, getattr(self, at)) for name, at in self.live.items()}
         kept = state.number_kind is None or isinstance(time, KernelNumber)
@@ -140,7 +147,8 @@ class FormulaField(ExternalForce):
 
     def _vector(self, state: Any, i: Any, program: Any, values: Mapping[str, Any]) -> Any:
         one = parameter(state, 1.0)
-        numbers = [one * each if isinstance(each, float) else each for each in program.run(KernelArithmetic, values, one)]
+        found = program.run(KernelArithmetic, values, one)[: state.dimensions]
+        numbers = [one * each if isinstance(each, float) else each for each in found]
         if self.on is not None:
             felt = is_in(state, i, self.on)
             numbers = [where(felt, each, 0.0) for each in numbers]

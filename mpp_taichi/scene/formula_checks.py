@@ -123,7 +123,7 @@ def beyond_single(entry: Any, snapshot: Snapshot) -> str:
 def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     which, law = chosen(snapshot.particle_count), entry.law
     which = which[np.any(snapshot.free[which], axis=1)]
-    if entry.parameters["on"] is not None:
+    if entry.parameters.get("on") is not None:
         which = which[is_in(entry.parameters["on"], which)]
     if not len(which):
         return
@@ -133,10 +133,11 @@ def _field_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Ite
     if len(bad):
         yield place_of(entry), f"{entry.label}: the formula gives no number for {layout.label(int(which[bad[0]]))} at the start"
         return
-    for axis, rate in zip("xyz", rates) if law.flags["conserves_energy"] else ():
+    still = given | dict.fromkeys(("vx", "vy", "vz"), np.zeros(len(which)))  # where only the potential is felt
+    for axis, rate in zip("xyz", law.numbers(law.acceleration, still)) if law.flags["conserves_energy"] else ():
 
         def energy_at(x: Any, axis: str = axis) -> Any:
-            return law.numbers(law.energy, {**given, axis: x})[0]
+            return law.numbers(law.energy, {**still, axis: x})[0]
 
         size = np.maximum(np.abs(given[axis]), float(np.abs(snapshot.position).max()) or 1.0)
         slope, rounding = -np.broadcast_to(rate * given["m"], which.shape), law.errors(law.energy, given)[0]

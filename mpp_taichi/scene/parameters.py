@@ -25,6 +25,7 @@ def field_of(parameter: Parameter) -> Field:
         "bool": fields.Flag,
         "str": lambda: Text(tuple(parameter.choices)),
         "Vector": lambda: fields.InSpace(Number(**span)),
+        "AxialVector": lambda: fields.AlongAxis(Number(**span)),
         "Color": Color,
         "Axes": fields.Axes,
         "Shape": fields.Counts,

@@ -9,7 +9,8 @@ from mpp_taichi.walls._base import Enclosure, Wall
 class PeriodicBox(Wall):
     """Periodic boundary: a particle that leaves on one side comes in on the other, and feels the nearest copy of each particle.
 
-    Spheres must be smaller than half of the shortest edge that repeats.
+    Spheres must be smaller than half of the shortest edge that repeats, and a cutoff of a pair force at most half of it. Pair
+    forces without a cutoff are refused, as they would act on endless copies.
     """
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")

@@ -66,7 +66,10 @@ GIVEN = {
     "velocity": [{"axis": axis, "of": (0, 3)} for axis in "xyz"],
 }
 MODES = {"mode_amplitude"}  # of a network at rest: tests/modes, and the rate below
-CASES = [(name, given) for name in component.names("quantities") if name not in MODES for given in GIVEN.get(name, [{}])]
+BOXES = {"virial_pressure"}  # of a periodic box: the last test of this file, and tests/neighbors
+CASES = [
+    (name, given) for name in component.names("quantities") if name not in MODES | BOXES for given in GIVEN.get(name, [{}])
+]
 LENGTH, TIME, MASS = 8.0, 4.0, 0.5  # powers of two: scaled numbers have the same digits
 NOT_SCALED = {"zero"}  # an angle
 POWERS = {"point": (1, 0, 0), "at": (1, 0, 0), "temperature": (2, -2, 1)}
@@ -242,6 +245,7 @@ NEEDS = {  # what a scene of two free bodies lacks
     "spring_strain": "no spring",
     "spring_force": "no springs",
     "rod_force": "no rod between particle 1 and particle 0",
+    "virial_pressure": "is measured in a periodic_box that repeats along every axis, with pair forces",
     **dict.fromkeys(("argument_of_pericentre", "ascending_node", "eccentricity", "inclination"), "needs gravity"),
     **dict.fromkeys(("osculating_period", "semi_major_axis", "true_anomaly"), "needs gravity"),
 }
@@ -267,3 +271,33 @@ def test_a_quantity_is_refused_exactly_where_the_scene_lacks_what_it_is_about(na
             measure()
     else:
         assert math.isfinite(measure())
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_pressure_of_forces_has_the_motion_about_the_centre_and_the_virial(dimensions):
+    """P d V = Σ m v² + W; a common velocity adds nothing."""
+    edges = [4.0, 5.0, 6.0][:dimensions]
+    scene = {
+        "dimensions": dimensions,
+        "particles": [
+            {"body": {"mass": 2.0, "position": [1.0] * dimensions, "velocity": [3.0, *[0.5] * (dimensions - 1)]}},
+            {"body": {"mass": 2.0, "position": [2.0] * dimensions, "velocity": [1.0, *[0.5] * (dimensions - 1)]}},
+        ],
+        "forces": [{"lennard_jones": {"length": 1.0, "cutoff": 1.5}}],
+        "walls": [{"periodic_box": {"lower": [0.0] * dimensions, "upper": edges}}],
+        "integrator": {"leapfrog": {"dt": 1.0}},
+        "run": {"steps": 1},
+    }
+    spec = load_scene(scene)
+    found = assemble(spec)
+    quantity = built("virial_pressure", {}, spec, found)
+    sample = MadeUpSample(found)
+    sample.pair_virial = -1.0
+    assert quantity.measure(sample) == pytest.approx((4.0 - 1.0) / (dimensions * np.prod(edges)), rel=1e-14)
+    assert quantity.dimension == (2 - dimensions, -2, 1)
+    walls = scene["walls"] + [{"plane": {"point": [0.0] * dimensions, "normal": [1.0, *[0.0] * (dimensions - 1)]}}]
+    spheres = scene | {"contacts": {"hard_spheres": {"solver": "pairwise"}}, "walls": walls}
+    for body in spheres["particles"]:
+        body["body"]["radius"] = 0.1
+    with pytest.raises(NoResultError, match="no share of collisions"):
+        built("virial_pressure", {}, load_scene(spheres), found)

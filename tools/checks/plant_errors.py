@@ -43,10 +43,12 @@ def errors_of(scene, by):
 
 
 def factor_of(name, given):
-    """The parameter that a force is proportional to: its formula, where the scene has one, or its strength."""
+    """The parameter that a force grows with: its formula, where the scene has one, its strength, or its first number."""
     written = [key for key in ("potential", "acceleration") if key in given]
-    strengths = [parameter.name for parameter in component.declaration("forces", name).parameters if parameter.strength]
-    return (written or strengths)[0]
+    parameters = component.declaration("forces", name).parameters
+    strengths = [parameter.name for parameter in parameters if parameter.strength]
+    numbers = [parameter.name for parameter in parameters if parameter.type in ("float", "Vector", "AxialVector")]
+    return (written or strengths or numbers)[0]
 
 
 def errors_of_springs(resolved, by):

@@ -3,7 +3,8 @@
     a = −∇V/m, or the acceleration as it is written
     ȧ = (v·∇) a + ∂a/∂t,   ä = (v·∇) ȧ + (a·∂/∂v) ȧ + ∂ȧ/∂t
 
-The derivatives are SymPy's. An acceleration may depend on the velocity, and then has no derivatives here.
+The derivatives are SymPy's. An acceleration may depend on the velocity, and then has no derivatives here. An acceleration that
+is across the velocity everywhere, as that of a magnetic field, does no work: v·a is 0 for SymPy too.
 """
 
 from collections.abc import Mapping
@@ -77,11 +78,11 @@ def external_law(
     fixed: tuple[tuple[str, float], ...],
     live: tuple[str, ...],
 ) -> ExternalLaw:
-    """The law of a potential or of an acceleration, with numbers for the `fixed` names; those of `live` may change.
+    """The law of a potential, of an acceleration or of both, with numbers for the `fixed` names; those of `live` may change.
 
     LawError, with the number of the formula and the character, where a text is no such formula.
     """
-    texts = (potential,) if potential is not None else acceleration or ()
+    texts = (*(() if potential is None else (potential,)), *(acceleration or ()))
     exponents = tuple(dict.fromkeys(each for text in texts for each in split_numbers(text, fixed)[0]))
     others = tuple(each for each in fixed if each not in exponents)
     derived = _derived(potential, acceleration, dimensions, exponents, (*(name for name, _ in others), *live))
@@ -109,7 +110,7 @@ def _derived(
     values |= {name: symbols[name] for name in names} | {name: number(value) for name, value in exponents}
     place, motion, push = ([symbols[name] for name in names[:dimensions]] for names in (PLACE, MOTION, PUSH))
 
-    texts = [potential] if potential is not None else list(acceleration or ())
+    texts = [*([] if potential is None else [potential]), *(acceleration or ())]
     parsed, found = [], []
     for which, text in enumerate(texts):
         try:
@@ -120,11 +121,13 @@ def _derived(
         except ExpressionError as error:
             raise LawError(which, error) from None
     try:
-        if potential is not None:
-            energy = found[0]
-            rates = [checked_size(tidy(-sympy.diff(energy, x) / symbols["m"])) for x in place]
-        else:
-            energy, rates = sympy.Integer(0), [tidy(each) for each in found[:dimensions]]
+        energy = sympy.Integer(0) if potential is None else found.pop(0)
+        pushes = found[:dimensions] or [sympy.Integer(0)] * dimensions
+        works = sympy.expand(sum((a * v for a, v in zip(pushes, motion, strict=True)), sympy.Integer(0))) != 0
+        rates = [
+            tidy(push) if potential is None else checked_size(tidy(push - sympy.diff(energy, x) / symbols["m"]))
+            for push, x in zip(pushes, place, strict=True)
+        ]
         moved = any(rate.has(each) for rate in rates for each in motion)
         timed = any(each.has(symbols["t"]) for each in (*rates, energy))
         jerk, snap = [], []
@@ -142,7 +145,7 @@ def _derived(
     laws = (rates, jerk, snap, [sympy.Integer(0) if timed else tidy(energy)])
     programs = [StepProgram.of(each, variables) for each in laws]
     flags = {
-        "conserves_energy": potential is not None and not timed,
+        "conserves_energy": not works and not timed,
         "depends_on_velocity": moved,
         "depends_on_time": timed,
         "has_derivatives": has_more,

@@ -1,7 +1,8 @@
 """Laws: the law of each force whose text is a formula, and the faults of such texts.
 
-A formula stands in the scene, as a parameter of the type Law or LawVector, or in the file of a force, as its literal `formula`.
-Numbers are the parameters of the force, and for a formula of the scene its `parameters`, kept as `parameters.NAME`.
+A formula stands in the scene, as a parameter of the type Law or LawVector, or in the file of a force: its literal `formula` is
+a potential, and its literal `formulas` are three accelerations, which come on top. Numbers are the parameters of the force,
+those of a vector as NAME_x, NAME_y and NAME_z, and for a formula of the scene its `parameters`, kept as `parameters.NAME`.
 """
 
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.formulas.fields import FormulaText
 
+AXES = "xyz"
 PREFIX = "parameters."
 """Before the name of a number of a formula, as a parameter of its force."""
 
@@ -51,12 +53,8 @@ def law_of(entry: Any) -> Any:
         return None
     fixed, live = _numbers(entry)
     text = entry.parameters.get("potential")
-    if "acceleration" in entry.parameters:
-        from mpp_taichi.scene.formulas.external_law import external_law
-
-        rates = entry.parameters["acceleration"]
-        dimensions = (text if rates is None else rates[0]).dimensions
-        return external_law(text, rates, dimensions, fixed, live)
+    if component.declaration("forces", entry.name).base == "FormulaField":
+        return _field_law(entry, fixed, live)
     if component.declaration("forces", entry.name).base == "FormulaBond":
         from mpp_taichi.scene.formulas.bond_law import bond_law
 
@@ -66,6 +64,17 @@ def law_of(entry: Any) -> Any:
     cutoff = entry.parameters.get("cutoff")
     written = str(text or component.flag("forces", entry.name, "formula"))
     return pair_law(written, fixed, live, None if cutoff is None else str(cutoff))
+
+
+def _field_law(entry: Any, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> Any:
+    """The law of a field, whose formulas stand in the scene or, for three axes, in the file of the force."""
+    from mpp_taichi.scene.formulas.external_law import external_law
+
+    texts = texts_of(entry)
+    if texts:
+        return external_law(entry.parameters["potential"], entry.parameters["acceleration"], texts[0].dimensions, fixed, live)
+    potential, acceleration = (component.flag("forces", entry.name, flag) for flag in ("formula", "formulas"))
+    return external_law(potential, acceleration, 3, fixed, live)
 
 
 def is_cut(error: ExpressionError) -> bool:
@@ -84,9 +93,12 @@ def _numbers(entry: Any) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]
     cutoff = entry.parameters.get("cutoff")
     for text in (*texts_of(entry), *([] if cutoff is None else [cutoff])):
         given |= text.constants
+    in_file = any(component.flag("forces", entry.name, flag) for flag in ("formula", "formulas"))
     for name, value in entry.parameters.items():
-        if name.startswith(PREFIX) or (isinstance(value, float) and component.flag("forces", entry.name, "formula")):
+        if name.startswith(PREFIX) or (isinstance(value, float) and in_file):
             given[name.removeprefix(PREFIX)] = value
+        elif in_file and isinstance(value, tuple) and len(value) == len(AXES):
+            given |= {f"{name}_{axis}": float(each) for axis, each in zip(AXES, value, strict=True)}
     live = tuple(name for name in live_names(entry) if name in given)
     return tuple(sorted((name, value) for name, value in given.items() if name not in live)), live
 
