@@ -82,7 +82,7 @@ class EnergyMeter:
 
 def is_in_rows(state: State, total_force: TotalForce) -> bool:
     """Whether the energy of pairs is summed in rows of lanes: for many bodies on a CPU, of which none merge."""
-    many = total_force.has_pairs and not total_force.sums_apart and state.particle_count >= LEAST_COUNT
+    many = total_force.has_pairs and total_force.pair_solver == "direct" and state.particle_count >= LEAST_COUNT
     return bool(many and on_cpu() and state.replica_count == 1 and not total_force.pair_sum.all_pairs.merges)
 
 

@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mpp_taichi.forces._base import PairForce
-from mpp_taichi.forces._lists import Lists
+from mpp_taichi.forces._fewer_pairs import Between, Lists
 
 
 def pair_solver(
@@ -32,15 +32,19 @@ def pair_solver(
     merges: bool,
     derivatives: int,
     two_parts: bool = False,
-    lists: Lists | None = None,
+    fewer: Lists | Between | None = None,
 ) -> tuple[str, Any]:
     """Name and solver of the sum of these forces, of which there is at least one.
 
-    `lists` are the sizes of lists of neighbours, where these suit the scene. Raises TypeError where one force asks for a solver
+    `fewer` says by which sum over fewer than all pairs (_fewer_pairs.py). Raises TypeError where one force asks for a solver
     that cannot sum all of them.
     """
-    if lists is not None:
-        return "lists", _by_lists(pairs, particle_count, dimensions, lists)
+    if isinstance(fewer, Lists):
+        return "lists", _by_lists(pairs, particle_count, dimensions, fewer)
+    if isinstance(fewer, Between):
+        from mpp_taichi.neighbors.pairs_between import PairsBetween
+
+        return "between", PairsBetween(fewer.forces, particle_count)
     named = [force.solver for force in pairs if force.solver != "direct"]
     name = named[0] if named else "direct"
     solver = SOLVERS[name](pairs, particle_count, dimensions, merges, derivatives)

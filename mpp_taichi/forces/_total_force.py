@@ -71,14 +71,14 @@ class TotalForce:
         derivatives: int = 0,
         two_parts: bool = False,
         rods: Any = None,
-        lists: Any = None,
+        fewer: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
-        forces are no part of the sum: the methods that keep the lengths of rods apply them. `lists` are the sizes of the lists
-        of neighbours by which the pairs are summed (_lists.py), if they are.
+        forces are no part of the sum: the methods that keep the lengths of rods apply them. `fewer` says by which sum over
+        fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are.
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
         self.forces = forces
@@ -95,7 +95,7 @@ class TotalForce:
             from mpp_taichi.forces._pair_solver import pair_solver  # only for scenes that have pairs
 
             self.pair_solver, self.pair_sum = pair_solver(
-                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives, two_parts=two_parts, lists=lists
+                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives, two_parts=two_parts, fewer=fewer
             )
         self.by_tree, self.by_lists = self.pair_solver == "tree", self.pair_solver == "lists"
         self.sums_apart = self.by_tree or self.by_lists  # pairs in launches of their own, by all threads together

@@ -236,35 +236,13 @@ class InSpace(Field):
         """Check the components, and add the third one in the plane."""
         flat = context.dimensions == 2
         vector = ListOf(self.item, (2, 3) if flat else (3,)).check(value, context)
-        if flat and len(vector) == 3 and not _is_zero(vector[2]):
+        if flat and len(vector) == 3 and not is_zero(vector[2]):
             raise Wrong(f"must be 0 in a scene of dimensions: 2, not {shown(value[2])}", path=(2,))
         return vector if len(vector) == 3 else (*vector, self.item.check(0.0, context))
 
     def schema(self) -> dict[str, Any]:
         """An array of two or three."""
         return ListOf(self.item, (2, 3)).schema()
-
-
-@dataclass(frozen=True)
-class AlongAxis(Field):
-    """A vector along the axis of a turn or a magnetic field: with `dimensions: 2` it is across the plane, or a number."""
-
-    item: Field
-
-    def check(self, value: Any, context: Context) -> tuple[Any, ...]:
-        """Check the components, of which only the third may differ from 0 in the plane."""
-        flat = context.dimensions == 2
-        if flat and not isinstance(value, list):
-            return (0.0, 0.0, self.item.check(value, context))
-        vector = ListOf(self.item, (3,)).check(value, context)
-        for axis in range(2) if flat else ():
-            if not _is_zero(vector[axis]):
-                raise Wrong(f"must be 0 in a scene of dimensions: 2, not {shown(value[axis])}", path=(axis,))
-        return vector
-
-    def schema(self) -> dict[str, Any]:
-        """An array of three, or a number in the plane."""
-        return {"anyOf": [self.item.schema(), ListOf(self.item, (3,)).schema()]}
 
 
 @dataclass(frozen=True)
@@ -404,7 +382,7 @@ class PerParticle(Field):
         return {"anyOf": [{"type": "number"}, {"type": "string", "description": description}]}
 
 
-def _is_zero(component: Any) -> bool:
+def is_zero(component: Any) -> bool:
     return component == 0.0 if isinstance(component, float) else str(component.expression.text) in ("0", "0.0", "-0.0")
 
 

@@ -8,6 +8,7 @@ from pydantic import Field as Describe
 
 from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields
+from mpp_taichi.scene.axial_field import AlongAxis
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
 from mpp_taichi.scene.formulas.fields import LawText, LawVector, Numbers
@@ -25,7 +26,7 @@ def field_of(parameter: Parameter) -> Field:
         "bool": fields.Flag,
         "str": lambda: Text(tuple(parameter.choices)),
         "Vector": lambda: fields.InSpace(Number(**span)),
-        "AxialVector": lambda: fields.AlongAxis(Number(**span)),
+        "AxialVector": lambda: AlongAxis(Number(**span)),
         "Color": Color,
         "Axes": fields.Axes,
         "Shape": fields.Counts,

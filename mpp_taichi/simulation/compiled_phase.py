@@ -55,7 +55,7 @@ class CompiledPhase:
         """Import the components that the phase names, allocate its fields and fill them."""
         # Taichi code is imported here and not before, and only the components that the scene names.
         from mpp_taichi.energy.energy_meter import EnergyMeter
-        from mpp_taichi.forces._lists import lists_for
+        from mpp_taichi.forces._fewer_pairs import fewer_pairs
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
@@ -84,7 +84,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
             rods=rods,
-            lists=lists_for(self, forces, asked=plan),
+            fewer=fewer_pairs(self, forces, asked=plan),
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(spec, start, self.total_force, device.precision)

@@ -8,6 +8,7 @@ from mpp_taichi.verify.place import Place
 
 GROUPS = {
     "forces": "Forces against an independent sum",
+    "formulas": "Forces that are formulas, and fields",
     "gravity": "Hard cases of gravity",
     "springs": "Hard cases of springs",
     "networks": "Hard cases of networks of springs",

@@ -168,3 +168,57 @@ def test_methods_made_for_all_bodies_refuse_groups():
     scene["forces"][0]["newtonian_gravity"]["softening"] = 0.0
     with pytest.raises(SceneError, match="takes forces between all bodies .*, not newtonian_gravity with between:"):
         load_scene(scene)
+
+
+MANY = [("ring", "planet"), ("planet", "ring"), ("ring[0:9]", "ring[4:20]"), ("ring[0:6]", "ring[0:6]")]
+RUNS = {
+    "planet": range(1),
+    "ring": range(1, 81),
+    "ring[0:9]": range(1, 10),
+    "ring[4:20]": range(5, 21),
+    "ring[0:6]": range(1, 7),
+}
+
+
+def many(between, law="gravity", method="leapfrog"):
+    """A planet and 80 particles, which act between two groups of them."""
+    (name, given), *_ = LAWS[law].items()
+    planet = {"name": "planet", "mass": 3.0, "position": [0.1, 0, 0]}
+    ring = {"name": "ring", "shape": [80, 1, 1], "lower": [-2, 1, 0.5], "upper": [2, 1, 0.5], "mass": 0.4}
+    return {
+        "particles": [{"body": planet}, {"lattice": {**ring, "scatter": [0.01, 0.3, 0.3]}}],
+        "forces": [{name: {**given, "between": list(between)}}],
+        "seed": 3,
+        "integrator": {method: {"dt": 0.01}},
+        "run": {"duration": 0.3},
+    }
+
+
+@pytest.mark.parametrize("between", MANY, ids="-".join)
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("backend, plan", [("cpu", "serial"), ("cpu", "parallel"), ("vulkan", "auto")])
+def test_few_pairs_of_many_are_summed_by_themselves(law, between, backend, plan, request, monkeypatch):
+    if backend == "vulkan":
+        request.getfixturevalue("software_vulkan")
+    for name, indices in RUNS.items():
+        monkeypatch.setitem(GROUPS, name, indices)
+    precision = "f64" if backend == "cpu" else "f32"
+    with Simulation(many(between, law), backend=backend, precision=precision, plan=plan) as simulation:
+        assert simulation.total_force.pair_solver == "between"
+        expected = by_matrix(law, simulation.start, between)
+        found = simulation.accelerations()
+        energy = simulation.mechanics()["potential_energy"]
+    rounding = 1e-13 if precision == "f64" else 2e-5
+    np.testing.assert_allclose(found, expected, rtol=0, atol=rounding * np.abs(expected).max())
+    with Simulation(many(between, law, "hermite4"), backend="cpu", precision="f64") as direct:
+        assert direct.total_force.pair_solver == "direct"
+        assert energy == pytest.approx(direct.mechanics()["potential_energy"], rel=1e-12 if precision == "f64" else 1e-5)
+
+
+def test_plans_give_the_same_bits_between_groups():
+    ends = []
+    for plan in ("serial", "parallel"):
+        with Simulation(many(("planet", "ring")), backend="cpu", precision="f32", plan=plan) as simulation:
+            simulation.run(steps=30)
+            ends.append(simulation.snapshot().position.tobytes())
+    assert ends[0] == ends[1]

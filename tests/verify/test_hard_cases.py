@@ -8,7 +8,7 @@ from mpp_taichi.verify.cases import other_codes, stability_limits
 from mpp_taichi.verify.catalogue import cases
 from mpp_taichi.verify.place import Place
 
-GROUPS = ("forces", "gravity", "springs", "networks", "spheres", "heaps", "numerics", "refusals")
+GROUPS = ("forces", "formulas", "gravity", "springs", "networks", "spheres", "heaps", "numerics", "refusals")
 
 
 @pytest.mark.sampled(6)
