@@ -383,6 +383,7 @@ class PerParticle(Field):
 
 
 def is_zero(component: Any) -> bool:
+    """Whether a number, or an expression, is written as 0."""
     return component == 0.0 if isinstance(component, float) else str(component.expression.text) in ("0", "0.0", "-0.0")
 
 
