@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.errors import CapacityError
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
 from mpp_taichi.neighbors.tile_boxes import TileBoxes
 from mpp_taichi.state.field_group import FieldGroup, SideBySide
@@ -13,6 +14,7 @@ from mpp_taichi.types import Template
 FIRST_ROOM = 256  # entries of a tile, on average, before the first list says how many there are
 SPARE = 1.1  # room of a new list, by the length of the list for which it is made
 COPY_BITS = 5  # of an entry: 27 copies of a box
+MOST_SLOTS = 1 << (31 - COPY_BITS)  # that an entry can tell apart
 
 
 @ti.data_oriented
@@ -30,7 +32,9 @@ class TileLists:
     def __init__(self, boxes: TileBoxes, reach: float) -> None:
         """Allocate; needs a started Taichi."""
         self.boxes, self.reach_squared, self.dimensions = boxes, reach * reach, boxes.dimensions
-        self.tile_count, self.empty = boxes.tile_count, boxes.tile_count * self.boxes.lanes
+        self.tile_count, self.empty = boxes.tile_count, boxes.tile_count * boxes.lanes
+        if self.empty >= MOST_SLOTS:
+            raise CapacityError(f"lists of neighbours have room for {MOST_SLOTS:,} particles, not for {boxes.particle_count:,}")
         self.repeats = any(edge > 0.0 for edge in boxes.period)
         shifts = [(0.0,) if edge == 0.0 else (0.0, edge, -edge) for edge in boxes.period]
         table = np.array(list(product(*shifts)))  # the first copy is the box itself
@@ -64,6 +68,8 @@ class TileLists:
         self._count()
         self.sums.run(self.count, self.begin, self.tile_count)
         length = self._length()
+        if length < 0:
+            raise CapacityError(f"the lists of neighbours of {self.boxes.particle_count:,} particles are too long to count")
         if length > self.room:
             self._allocate(int(SPARE * length))
         self._write(self.entry)

@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.periodic_forces import check_periodic_forces
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -71,6 +72,7 @@ def suits(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> bool:
     """Whether the integrator of a scene was made for the forces and bodies of the scene."""
     faults = Faults()
     check_integrator(spec, faults)
+    check_periodic_forces(spec, faults)
     return not faults.found and not list(planetary_faults(spec, snapshot, layout))
 
 
