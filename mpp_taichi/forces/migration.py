@@ -13,7 +13,7 @@ class Migration(FormulaField):
     Source: J. Papaloizou & J. Larwood, Mon. Not. R. Astron. Soc. 315 (2000) 823.
     """
 
-    rate: float = param(0.0, slider=True, unit="time⁻¹", help="k_a, at which the semi-major axis falls")
+    rate: float = param(slider=True, unit="time⁻¹", help="k_a, at which the semi-major axis falls")
     circularization: float = param(0.0, slider=True, unit="time⁻¹", help="k_e, at which the eccentricity falls")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
     formulas = (

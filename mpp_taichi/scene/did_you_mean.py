@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 
-MOST_LISTED = 30  # words that a message lists
+MOST_LISTED = 24  # words that a message lists
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

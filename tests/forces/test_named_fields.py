@@ -214,7 +214,7 @@ def test_migration_shrinks_orbits_and_rounds_them():
     rate, damping, turns = 1e-4, 1e-3, 30
     first, last = orbit_after({"migration": {"rate": rate}}, turns, e=0.0)
     assert last[0] == pytest.approx(first[0] * np.exp(-rate * TAU * turns), rel=1e-5)
-    first, last = orbit_after({"migration": {"circularization": damping}}, turns, e=0.02)
+    first, last = orbit_after({"migration": {"rate": 0.0, "circularization": damping}}, turns, e=0.02)
     assert np.linalg.norm(last[1]) == pytest.approx(0.02 * np.exp(-damping * TAU * turns), rel=0.02)
 
 

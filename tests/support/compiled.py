@@ -61,6 +61,7 @@ def build_force(name, dimensions=3):
     from mpp_taichi.component import REQUIRED
 
     values = {"float": 0.7, "Vector": (0.7, -0.6, 0.5)}
+    values["AxialVector"] = values["Vector"] if dimensions == 3 else (0.0, 0.0, 0.5)
     declared = component.declaration("forces", name).parameters
     parameters = {p.name: values.get(p.type) for p in declared if p.default is REQUIRED or p.optional}
     parameters |= {key: FormulaText(text, {}, dimensions) for key, text in FORMULAS.get(name, {}).items()}
