@@ -21,6 +21,7 @@ LARGEST_SHARE = 0.25  # of all pairs; with more, the direct sum, which reads in 
 class Lists:
     """Lists of neighbours, for forces that all end at a cutoff."""
 
+    solver = "lists"
     reach: float
     """The largest cutoff [length]."""
     box: Enclosure | None
@@ -31,6 +32,7 @@ class Lists:
 class Between:
     """The forces all act between two groups."""
 
+    solver = "between"
     forces: tuple[PairForce, ...]
 
 

@@ -1,6 +1,5 @@
 """Forces whose law is a formula: the programs of formulas/ inside the loops of every other force."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -38,7 +37,7 @@ class FormulaPair(PairForce):
     @property
     def reach(self) -> float:
         """The cutoff, where it is a fixed number."""
-        return math.inf if self.law.reach.names else self.law.reach_at({})
+        return self.law.fixed_reach
 
     @traced
     def response(self, state: Any, i: Any) -> Any:

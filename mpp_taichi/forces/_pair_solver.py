@@ -11,10 +11,13 @@ A solver is a class of `neighbors/` with these members:
     loops(state)                        parallel loops of one launched sum on the cores of a CPU
     longest_loop                        most iterations that a thread makes for one particle
     all_pairs                           the AllPairs that a direct sum is built on; a tree has none
+    potential_terms(state)              energies of all particles, of a solver that sums them in launches of its own
+    work_fields(), memory, begin(state)   fields of the state, those of them that are saved, and their start; of lists
     destroy()                           frees the memory of the sums
 
 A new solver, such as a fast multipole method, is a file in `neighbors/`, a row in `SOLVERS` and a choice of `solver` in the
-force. Loop shapes of the direct sum (serial, symmetric, lanes, gather) are chosen by `AllPairs` itself.
+force; a sum over fewer pairs, which the program chooses (_fewer_pairs.py), has its row in `FEWER`. Loop shapes of the direct
+sum (serial, symmetric, lanes, gather) are chosen by `AllPairs` itself.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,12 +42,8 @@ def pair_solver(
     `fewer` says by which sum over fewer than all pairs (_fewer_pairs.py). Raises TypeError where one force asks for a solver
     that cannot sum all of them.
     """
-    if isinstance(fewer, Lists):
-        return "lists", _by_lists(pairs, particle_count, dimensions, fewer)
-    if isinstance(fewer, Between):
-        from mpp_taichi.neighbors.pairs_between import PairsBetween
-
-        return "between", PairsBetween(fewer.forces, particle_count)
+    if fewer is not None:
+        return fewer.solver, FEWER[fewer.solver](pairs, particle_count, dimensions, fewer)
     named = [force.solver for force in pairs if force.solver != "direct"]
     name = named[0] if named else "direct"
     solver = SOLVERS[name](pairs, particle_count, dimensions, merges, derivatives)
@@ -77,10 +76,17 @@ def _tree(pairs: Sequence[PairForce], particle_count: int, dimensions: int, merg
     return TreeSum(pairs[0], particle_count, dimensions)
 
 
-def _by_lists(pairs: Sequence[PairForce], particle_count: int, dimensions: int, lists: Lists) -> Any:
+def _lists(pairs: Sequence[PairForce], particle_count: int, dimensions: int, fewer: Any) -> Any:
     from mpp_taichi.neighbors.cutoff_sum import CutoffSum
 
-    return CutoffSum(pairs, particle_count, dimensions, reach=lists.reach, box=lists.box)
+    return CutoffSum(pairs, particle_count, dimensions, reach=fewer.reach, box=fewer.box)
+
+
+def _between(pairs: Sequence[PairForce], particle_count: int, dimensions: int, fewer: Any) -> Any:
+    from mpp_taichi.neighbors.pairs_between import PairsBetween
+
+    return PairsBetween(fewer.forces, particle_count, dimensions)
 
 
 SOLVERS: dict[str, Callable[..., Any]] = {"direct": _direct, "tree": _tree}
+FEWER: dict[str, Callable[..., Any]] = {"lists": _lists, "between": _between}

@@ -1,4 +1,4 @@
-"""The field of a flattened planet beyond that of its mass."""
+"""The field of a flattened planet beyond the field of its mass."""
 
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.forces._formula import FormulaField

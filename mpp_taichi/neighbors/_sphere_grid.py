@@ -12,7 +12,7 @@ import taichi as ti
 
 from mpp_taichi.neighbors._level_table import BUCKETS_PER_SPHERE, LevelTable
 from mpp_taichi.neighbors._levels import BINS, MAXIMUM_LEVELS, choose_levels
-from mpp_taichi.neighbors.periodic import nearest_image
+from mpp_taichi.neighbors.periodic import inside_box, nearest_image
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
@@ -240,14 +240,7 @@ class SphereGrid:
     @ti.func
     def _inside(self, x):
         """The image of a place that lies inside the box."""
-        result = x
-        for axis in ti.static(range(self.dimensions)):
-            if ti.static(self.repeats[axis]):
-                edge = self.period[axis]
-                beyond = result[axis] - self.levels.corner[0][axis]
-                if not (0.0 <= beyond and beyond < edge):
-                    result[axis] -= edge * ti.floor(beyond / edge)
-        return result
+        return inside_box(x, self.levels.corner[0], self.period)
 
     @ti.func
     def _cells_within(self, level, x, distance):

@@ -46,13 +46,19 @@ class CutoffEnergy:
         way = self.loops.place_of(wide_position(state, j), j) - place
         squared = way.dot(way)
         if squared <= self.loops.reach * self.loops.reach:
-            for group in ti.static(self.loops.groups):
-                inverse = inverse_distance(squared, wide_number(state, parameter(state, group.softening_squared)))
-                for member in ti.static(group.members):
-                    if ti.static(virial):
-                        weight = wide_number(state, member.force.response(state, i) * member.force.source(state, j))
-                        pull = wide_number(state, state.mass[i]) * weight * member.force.shape(inverse)
-                        result -= 0.5 * pull * squared
-                    else:
-                        result += 0.5 * member.force.potential(state, i, j, inverse)
+            if ti.static(virial):
+                result = -0.5 * self._pull(state, i, j, squared) * squared
+            else:
+                result = 0.5 * self.loops.pairs.potential_between(state, i, j, way)
         return result
+
+    @ti.func
+    def _pull(self, state: Template, i, j, squared):
+        """The factor of d_ij in the force on particle i by particle j."""
+        weight = ti.cast(0.0, state.wide)
+        for group in ti.static(self.loops.groups):
+            inverse = inverse_distance(squared, wide_number(state, parameter(state, group.softening_squared)))
+            for member in ti.static(group.members):
+                ends = wide_number(state, member.force.response(state, i) * member.force.source(state, j))
+                weight += ends * member.force.shape(inverse)
+        return wide_number(state, state.mass[i]) * weight

@@ -1,14 +1,11 @@
 """Cutoff loops: the loops over lists of neighbours, on the vector units of a CPU and by a thread for each particle of a GPU."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
 from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
-from mpp_taichi.neighbors._pair_groups import grouped
+from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.neighbors.tile_boxes import TileBoxes
 from mpp_taichi.neighbors.tile_lists import COPY_BITS, TileLists
@@ -30,12 +27,12 @@ class CutoffLoops:
     the squared distance gets a 1. Slots without a particle lie farther away than the forces reach.
     """
 
-    def __init__(self, pair_forces: Sequence[Any], boxes: TileBoxes, lists: TileLists, reach: float) -> None:
-        """Allocate; needs a started Taichi."""
-        self.boxes, self.lists, self.reach = boxes, lists, reach
+    def __init__(self, pairs: AllPairs, boxes: TileBoxes, lists: TileLists, reach: float) -> None:
+        """Allocate for the forces of `pairs`; needs a started Taichi."""
+        self.pairs, self.boxes, self.lists, self.reach = pairs, boxes, lists, reach
         self.particle_count, self.dimensions, self.lanes = boxes.particle_count, boxes.dimensions, boxes.lanes
         self.tile_count = boxes.tile_count
-        self.members, self.groups = grouped(pair_forces)
+        self.members, self.groups = pairs.members, pairs.groups
         self.farthest = (2.0 * reach) ** 2  # where a formula is evaluated for pairs with a slot that is empty
         self.place = tuple(ti.field(float) for _ in range(self.dimensions))
         self.source = tuple(ti.field(float) for _ in self.members)
@@ -97,23 +94,16 @@ class CutoffLoops:
             one, two = entry[2 * twin], entry[2 * twin + 1]
             j, k = one >> COPY_BITS, two >> COPY_BITS
             to_j, to_k = self._ways(one, own), self._ways(two, own)
-            square_j, square_k = self._square(to_j), self._square(to_k)
-            weight_j, weight_k = self._weights(j, k, square_j, square_k, response)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = multiply_add(weight_j, to_j[axis], total[axis])
-                total[axis] = multiply_add(weight_k, to_k[axis], total[axis])
+            self._add_pulls(j, k, to_j, to_k, self.pairs.square(to_j), self.pairs.square(to_k), response, total)
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lanes))])
         for step in range(self.lanes // 2):
             j, k = begin + 2 * step, begin + 2 * step + 1
             to_j, to_k = self._ways(j << COPY_BITS, own), self._ways(k << COPY_BITS, own)
             from_j = lane_number - ti.cast(2 * step, float)
             from_k = from_j - 1.0
-            square_j = self._square(to_j) + ti.max(1.0 - from_j * from_j, 0.0)
-            square_k = self._square(to_k) + ti.max(1.0 - from_k * from_k, 0.0)
-            weight_j, weight_k = self._weights(j, k, square_j, square_k, response)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = multiply_add(weight_j, to_j[axis], total[axis])
-                total[axis] = multiply_add(weight_k, to_k[axis], total[axis])
+            square_j = self.pairs.square(to_j) + ti.max(1.0 - from_j * from_j, 0.0)
+            square_k = self.pairs.square(to_k) + ti.max(1.0 - from_k * from_k, 0.0)
+            self._add_pulls(j, k, to_j, to_k, square_j, square_k, response, total)
         for lane in ti.static(range(self.lanes)):
             if begin + lane < self.particle_count:
                 i = self._particle(begin + lane)
@@ -140,40 +130,24 @@ class CutoffLoops:
         return [place[axis] - own[axis] for axis in ti.static(range(self.dimensions))]
 
     @ti.func
-    def _square(self, way: Template):
-        """Squared lengths of ways that are given by components, up to `farthest`."""
-        squared = way[0] * way[0]
-        for axis in ti.static(range(1, self.dimensions)):
-            squared = multiply_add(way[axis], way[axis], squared)
-        return ti.min(squared, self.farthest)
-
-    @ti.func
-    def _weights(self, j, k, square_j, square_k, response: Template):
-        """The factors of the ways to two particles in the accelerations of a tile; a lone force has its response at the end."""
+    def _add_pulls(self, j, k, to_j: Template, to_k: Template, square_j, square_k, response: Template, total: Template):
+        """Add the pulls of two particles on a tile to the totals; a lone force has its response at the end of the sum."""
         weight_j = ti.Vector.zero(float, self.lanes)
         weight_k = ti.Vector.zero(float, self.lanes)
         for group in ti.static(self.groups):
-            softened_j = softened_square(square_j, group.softening_squared)
-            softened_k = softened_square(square_k, group.softening_squared)
+            softened_j = softened_square(ti.min(square_j, self.farthest), group.softening_squared)
+            softened_k = softened_square(ti.min(square_k, self.farthest), group.softening_squared)
             inverse_j, inverse_k = inverse_roots(softened_j, softened_k, False)
             for member in ti.static(group.members):
-                addend_j = ti.static(self.source[member.index])[j] * self._shapes(member, inverse_j)
-                addend_k = ti.static(self.source[member.index])[k] * self._shapes(member, inverse_k)
+                addend_j = ti.static(self.source[member.index])[j] * self.pairs.shape_of(member, inverse_j)
+                addend_k = ti.static(self.source[member.index])[k] * self.pairs.shape_of(member, inverse_k)
                 if ti.static(len(self.members) > 1):
                     addend_j = response[member.index] * addend_j
                     addend_k = response[member.index] * addend_k
                 weight_j, weight_k = weight_j + addend_j, weight_k + addend_k
-        return weight_j, weight_k
-
-    @ti.func
-    def _shapes(self, member: Template, inverse):
-        """Shape of a force for each of a vector of inverse distances."""
-        shape = inverse
-        if ti.static(member.elementwise):
-            shape = member.force.shape(inverse)
-        else:
-            shape = ti.Vector([member.force.shape(inverse[lane]) for lane in ti.static(range(self.lanes))])
-        return shape
+        for axis in ti.static(range(self.dimensions)):
+            total[axis] = multiply_add(weight_j, to_j[axis], total[axis])
+            total[axis] = multiply_add(weight_k, to_k[axis], total[axis])
 
     # Threads
 

@@ -7,7 +7,8 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
-from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
+from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.neighbors.cutoff_energy import CutoffEnergy
 from mpp_taichi.neighbors.cutoff_loops import CutoffLoops
 from mpp_taichi.neighbors.periodic import nearest_image
@@ -41,16 +42,16 @@ class CutoffSum:
 
     def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int, *, reach: float, box: Any) -> None:
         """Allocate; `reach` is the largest cutoff, `box` the enclosure of the scene, or None. Needs a started Taichi."""
-        config = ti.lang.impl.current_cfg()
-        self.on_cpu = config.arch in (ti.x64, ti.arm64)
+        self.on_cpu = on_cpu()
         self.particle_count, self.dimensions = particle_count, dimensions
         self.margin = MARGIN * reach
         self.period = (0.0, 0.0, 0.0) if box is None else box.period
         origin = (0.0, 0.0, 0.0) if box is None else box.origin
-        lanes = VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8) if self.on_cpu else DEVICE_LANES
+        pairs = AllPairs(pair_forces, particle_count, dimensions)
+        lanes = pairs.lane_count if self.on_cpu else DEVICE_LANES
         self.boxes = TileBoxes(particle_count, dimensions, lanes, self.period, origin, on_cpu=self.on_cpu)
         self.lists = TileLists(self.boxes, reach + self.margin)
-        self.loops_over_lists = CutoffLoops(pair_forces, self.boxes, self.lists, reach)
+        self.loops_over_lists = CutoffLoops(pairs, self.boxes, self.lists, reach)
         self.energy = CutoffEnergy(self.loops_over_lists)
         self.longest_loop = particle_count + 2 * self.boxes.leaf_count  # of a thread, where all particles are near each other
         self.listed, self.news = ti.Vector.field(dimensions, float), ti.field(ti.i32)

@@ -5,9 +5,8 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import parameter, wide_number
-from mpp_taichi.arithmetic.inverse_distance import inverse_distance
-from mpp_taichi.arithmetic.particle_update import separation, wide_position
+from mpp_taichi.arithmetic.particle_update import wide_position
+from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
 
 
@@ -23,10 +22,11 @@ class PairsBetween:
     sets_directly = False
     in_tiles = False
 
-    def __init__(self, pair_forces: Sequence[Any], particle_count: int) -> None:
+    def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int) -> None:
         """Take the forces, each with `between`."""
-        self.forces, self.particle_count = tuple(pair_forces), particle_count
-        self.longest_loop = max(first[1] + second[1] for first, second in (force.between for force in self.forces))
+        self.particle_count = particle_count
+        self.parts = tuple(AllPairs((force,), particle_count, dimensions) for force in pair_forces)  # for the terms of a pair
+        self.longest_loop = max(one[1] + other[1] for one, other in (force.between for force in pair_forces))
 
     def destroy(self) -> None:
         """There is nothing to free."""
@@ -61,51 +61,40 @@ class PairsBetween:
 
     @ti.func
     def _add_to(self, state: Template, first, i):
-        total = ti.Vector.zero(float, state.dimensions)
-        for force in ti.static(self.forces):
-            one, other = ti.static(force.between)
+        state.acceleration[i] += self._sum(state, first, i, self._pull, ti.Vector.zero(float, state.dimensions))
+
+    @ti.func
+    def potential_energy_of(self, state: Template, i):
+        """Half of the potential energy of particle i with its partners, in the widest float (`state.wide`)."""
+        first = i // self.particle_count * self.particle_count
+        return self._sum(state, first, i, self._half_energy, ti.cast(0.0, state.wide))
+
+    @ti.func
+    def _sum(self, state: Template, first, i, term: Template, zero):
+        """The sum of term(state, the sum of one force, i, j) over the partners j of particle i."""
+        total = zero
+        for part in ti.static(self.parts):
+            one, other = ti.static(part.members[0].force.between)
             in_one, in_other = self._is_in(i - first, one), self._is_in(i - first, other)
             if in_one:
                 for j in range(first + other[0], first + other[0] + other[1]):
                     if j != i:
-                        total += self._pull(state, force, i, j)
+                        total += term(state, part, i, j)
             if in_other:
                 for j in range(first + one[0], first + one[0] + one[1]):
                     if j != i and not (in_one and self._is_in(j - first, other)):
-                        total += self._pull(state, force, i, j)
-        state.acceleration[i] += total
+                        total += term(state, part, i, j)
+        return total
 
     @ti.func
     def _is_in(self, i, group: Template):
         return group[0] <= i and i < group[0] + group[1]
 
     @ti.func
-    def _pull(self, state: Template, force: Template, i, j):
-        """Acceleration of particle i by particle j."""
-        d = separation(state, i, j)
-        inverse = inverse_distance(d.dot(d), force.softening * force.softening)
-        return force.response(state, i) * (force.source(state, j) * force.shape(inverse)) * d
+    def _pull(self, state: Template, part: Template, i, j):
+        return part.acceleration_from(state, i, j)
 
     @ti.func
-    def potential_energy_of(self, state: Template, i):
-        """Half of the potential energy of particle i with its partners, in the widest float (`state.wide`)."""
-        total = ti.cast(0.0, state.wide)
-        first = i // self.particle_count * self.particle_count
-        for force in ti.static(self.forces):
-            one, other = ti.static(force.between)
-            in_one, in_other = self._is_in(i - first, one), self._is_in(i - first, other)
-            if in_one:
-                for j in range(first + other[0], first + other[0] + other[1]):
-                    if j != i:
-                        total += 0.5 * self._energy(state, force, i, j)
-            if in_other:
-                for j in range(first + one[0], first + one[0] + one[1]):
-                    if j != i and not (in_one and self._is_in(j - first, other)):
-                        total += 0.5 * self._energy(state, force, i, j)
-        return total
-
-    @ti.func
-    def _energy(self, state: Template, force: Template, i, j):
+    def _half_energy(self, state: Template, part: Template, i, j):
         way = wide_position(state, j) - wide_position(state, i)
-        softening_squared = wide_number(state, parameter(state, force.softening * force.softening))
-        return force.potential(state, i, j, inverse_distance(way.dot(way), softening_squared))
+        return 0.5 * part.potential_between(state, i, j, way)

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.neighbors.periodic import inside_box
 from mpp_taichi.neighbors.tree_order import TreeOrder
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
@@ -56,13 +57,7 @@ class TileBoxes:
     @ti.kernel
     def _fold(self, position: Template):
         for i in range(self.particle_count):
-            place = position[i]
-            for axis in ti.static(range(self.dimensions)):
-                if ti.static(self.period[axis] > 0.0):
-                    beyond = place[axis] - self.origin[axis]
-                    if not (0.0 <= beyond and beyond < self.period[axis]):
-                        place[axis] -= self.period[axis] * ti.floor(beyond / self.period[axis])
-            self.inside[i] = place
+            self.inside[i] = inside_box(position[i], ti.Vector(self.origin, float), self.period)
 
     @ti.kernel
     def _measure_tiles(self):

@@ -1,23 +1,16 @@
 """Checks of pair forces in a periodic box, where a particle acts on the nearest copy of each other particle."""
 
 import math
-from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.pair_forces import is_pair_force
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.spec import SceneSpec
 
 
 def acts_across_faces(spec: SceneSpec) -> bool:
     """Whether pair forces of the scene act through the faces of a periodic box."""
     return any(wall.flag("walls", "repeats") for wall in spec.walls) and any(is_pair_force(f.name) for f in spec.forces)
-
-
-def fixed_reach(force: ComponentSpec) -> float:
-    """The cutoff of a pair force, where it is a number that does not change in a run; else infinity."""
-    law: Any = force.law
-    return math.inf if law is None or law.reach.names else float(law.reach_at({}))
 
 
 def check_periodic_forces(spec: SceneSpec, faults: Faults) -> None:
@@ -30,7 +23,7 @@ def check_periodic_forces(spec: SceneSpec, faults: Faults) -> None:
     for number, force in enumerate(spec.forces):
         if not is_pair_force(force.name):
             continue
-        key, reach = f"forces[{number}].{force.name}", fixed_reach(force)
+        key, reach = f"forces[{number}].{force.name}", math.inf if force.law is None else force.law.fixed_reach
         if not math.isfinite(reach):
             rule = "would act on endless copies of each particle in a periodic_box"
             faults.add(force.location, key, f"{rule}, allowed: with a fixed cutoff of at most half an edge")

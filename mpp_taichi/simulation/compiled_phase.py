@@ -19,7 +19,7 @@ from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
-from mpp_taichi.start.contact_setup import contact_setup, enclosure_of
+from mpp_taichi.start.contact_setup import contact_setup
 from mpp_taichi.start.tangent_copies import copies_of
 from mpp_taichi.state.tangent_growth import TangentGrowth
 from mpp_taichi.state.vector_layout import layout_of
@@ -384,7 +384,7 @@ class CompiledPhase:
     @property
     def conserves_angular_momentum(self) -> bool:
         """Whether the total angular momentum is constant: not in a periodic box, nor where spheres merge."""
-        return self.conserves_momentum and not any(enclosure_of(self.spec).period) and not self.state.merges
+        return self.conserves_momentum and not any(self.phase.enclosure.period) and not self.state.merges
 
     # Memory
 

@@ -43,9 +43,14 @@ class Phase:
         return self.spec.effects(len(self.particles.springs))
 
     @cached_property
+    def enclosure(self) -> Enclosure:
+        """All walls."""
+        return enclosure_of(self.spec)
+
+    @cached_property
     def box(self) -> Enclosure | None:
         """The box that repeats, where pair forces act on the nearest copies of particles."""
-        return enclosure_of(self.spec) if acts_across_faces(self.spec) else None
+        return self.enclosure if acts_across_faces(self.spec) else None
 
     @property
     def dt(self) -> float:

@@ -11,7 +11,7 @@ from mpp_taichi.state.state import State
 from mpp_taichi.step.force_sum import ForceSum
 
 PARTS = ("position", "velocity", "position_low", "velocity_low", "position_rest", "velocity_rest")
-WRITTEN = (*PARTS, "acceleration", "acceleration_low", "jerk", "snap", "listed_position")
+WRITTEN = (*PARTS, "acceleration", "acceleration_low", "jerk", "snap")
 """Fields that are written by a measurement, and restored after it."""
 
 
@@ -23,7 +23,7 @@ class AccelerationMeter:
         """Bind the parts of a step; nothing is compiled before the first measurement."""
         self.state, self.total_force, self.force_sum = state, total_force, force_sum
         self.particle_count, self.dimensions = self.state.particle_count, self.state.dimensions
-        names = (*WRITTEN, *(MERGED_ARRAYS if self.state.merges else ()))
+        names = (*WRITTEN, *total_force.memory, *(MERGED_ARRAYS if self.state.merges else ()))
         self._written = [self.state.field(name) for name in names if name in self.state.quantities]
 
     def measure(self, snapshot: Snapshot) -> np.ndarray:

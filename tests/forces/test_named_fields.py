@@ -82,7 +82,7 @@ def test_a_charge_near_a_dipole_keeps_its_speed_and_is_mirrored():
     r = np.linalg.norm(places, axis=1)
     twist = places[:, 0] * speeds[:, 1] - places[:, 1] * speeds[:, 0] + 2000.0 * (places[:, 0] ** 2 + places[:, 1] ** 2) / r**3
     np.testing.assert_allclose(twist, twist[0], rtol=1e-7)
-    # v_⊥²/B at the mirror is that of the start: cos⁶λ/√(1 + 3 sin²λ) = 0.36 at the latitude λ.
+    # v_⊥²/B has the same value at the mirror as at the start: cos⁶λ/√(1 + 3 sin²λ) = 0.36 at the latitude λ.
     latitude = np.degrees(np.arcsin(np.abs(places[:, 2]) / r).max())
     at = np.radians(np.linspace(0, 60, 6001))
     mirror = np.degrees(at[np.argmin(np.abs(np.cos(at) ** 6 / np.sqrt(1 + 3 * np.sin(at) ** 2) - 0.36))])

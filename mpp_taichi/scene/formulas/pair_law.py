@@ -6,6 +6,7 @@
 `slope` is dg/du, `curvature` is d²g/du². The derivatives are SymPy's.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -58,6 +59,11 @@ class PairLaw:
         """The distance beyond which there is no force."""
         with np.errstate(all="ignore"):
             return float(self.reach.run(ArrayArithmetic, {k: np.float64(v) for k, v in values.items()}, 0.0)[0])
+
+    @property
+    def fixed_reach(self) -> float:
+        """The cutoff where it is a number that does not change in a run, else infinity."""
+        return math.inf if self.reach.names else self.reach_at({})
 
     def energy_at(self, distance: Any, values: Mapping[str, float]) -> Any:
         """U at some distances, by NumPy."""
