@@ -244,3 +244,28 @@ def nearest(place, edge):
     way = place[None] - place[:, None]
     way -= edge * np.round(way / edge)
     return np.sqrt((way**2).sum(-1)) + 99.0 * np.eye(len(place))
+
+
+@pytest.mark.parametrize("edge", [None, 4.5, 2.9], ids=["open", "three cells", "two cells"])
+def test_lists_hold_each_pair_within_the_margin(edge):
+    """Both particles of a pair of two tiles have the other in their list, once for each copy that is near."""
+    with Simulation(scene(edge=edge), backend="cpu", precision="f64") as simulation:
+        place = simulation.snapshot().position
+        simulation.accelerations()
+        found = simulation.total_force.pair_sum
+        lanes, order = found.boxes.lanes, found.boxes.order.to_numpy()
+        begin, end, entry = (field.to_numpy() for field in (found.lists.begin, found.lists.end, found.lists.entry))
+        reach = CUTOFF + found.margin
+    count = len(place)
+    listed = np.zeros((count, count), int)
+    for tile in range(found.boxes.tile_count):
+        slots = entry[begin[tile] : end[tile]] >> 5
+        others = order[slots[slots < count]]
+        for i in order[tile * lanes : (tile + 1) * lanes]:
+            np.add.at(listed[i], others, 1)
+    tile_of = np.empty(count, int)
+    tile_of[order] = np.arange(count) // lanes
+    shifts = [np.zeros(3)] if edge is None else edge * np.stack(np.meshgrid(*[[0, 1, -1]] * 3), -1).reshape(-1, 3)
+    near = sum((np.linalg.norm(place[None] + s - place[:, None], axis=2) <= reach).astype(int) for s in shifts)
+    apart = tile_of[:, None] != tile_of[None]
+    assert (listed[apart] >= near[apart]).all()
