@@ -125,7 +125,7 @@ from mpp_taichi.forces._base import ExternalForce
 from mpp_taichi.types import Template
 
 @component
-class HarmonicTrap(ExternalForce):
+class Anchor(ExternalForce):
     """F = -k x."""
 
     stiffness: float = param(1.0, minimum=0.0, unit="force length⁻¹", help="k")
@@ -185,13 +185,13 @@ def own_folder(tmp_path):
 
 @pytest.mark.sampled(3)
 def test_a_force_an_integrator_and_a_generator_are_one_file_each(own_folder):
-    for place, text in (("forces/harmonic_trap", FORCE), ("integrators/mclachlan2", INTEGRATOR), ("generators/row", GENERATOR)):
+    for place, text in (("forces/anchor", FORCE), ("integrators/mclachlan2", INTEGRATOR), ("generators/row", GENERATOR)):
         path = own_folder / f"{place}.py"
         path.parent.mkdir()
         path.write_text(text, encoding="utf-8")
     scene = {
         "particles": [{"row": {"count": 3, "mass": 2.0}}],
-        "forces": [{"harmonic_trap": {"stiffness": 8.0}}],
+        "forces": [{"anchor": {"stiffness": 8.0}}],
         "integrator": {"mclachlan2": {"dt": 0.001}},
     }
     with Simulation(scene, backend="cpu") as simulation:
@@ -199,6 +199,6 @@ def test_a_force_an_integrator_and_a_generator_are_one_file_each(own_folder):
         x = simulation.snapshot().position[:, 0]
     # ω = √(k/m) = 2, amplitudes 0, 1 and 2; second order with (ω dt)² = 4e-6 and an error constant below 1/24.
     np.testing.assert_allclose(x, np.arange(3) * np.cos(2.0), atol=1e-6)
-    assert "harmonic_trap" in component.names("forces")
+    assert "anchor" in component.names("forces")
     with pytest.raises(SceneError, match="must|minimum|least"):
         Simulation(scene | {"particles": [{"row": {"count": 0}}]}, backend="cpu")
