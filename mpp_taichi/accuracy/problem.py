@@ -189,6 +189,11 @@ def _check_methods(spec: SceneSpec) -> None:
     place = spec.integrator.location
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
+    if spec.integrator.flag("integrators", "draws_random"):
+        raise SceneError(
+            f"{place}: accuracy compares motions, and {spec.integrator.name} draws them at random: compare means instead, by "
+            "`sweep` over its seed"
+        )
 
 
 def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:

@@ -14,14 +14,16 @@ from mpp_taichi.errors import MppError
 
 
 class EnergyBalance:
-    """Kinetic + potential + dissipated energy − work = constant; a residual is the error of the method.
+    """Kinetic + potential + dissipated energy − work − heat = constant; a residual is the error of the method.
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
                         that restitution or merging took in contacts [energy]
     work                W = ∫ Σ F·v dt over the other forces without a potential, the energy that `parameter_change` booked,
                         and the change of the potential energy by merging, which changes masses and places [energy]
-    residual            E + D − W − E₀, of the order of the method; energy that the method loses is −residual
-    turnover            largest kinetic energy, D or |W| so far: the scale of the residual, free of the zero of the potential
+    heat                Q, the energy that a bath of the method has given; there only where the method has a bath
+    residual            E + D − W − Q − E₀, of the order of the method; energy that the method loses is −residual
+    turnover            largest kinetic energy, D, |W| or |Q| so far: the scale of the residual, whatever the zero of the
+                        potential is
 
     The powers are sampled after every step, summed in f64 (where the device has it) and integrated to fourth order, so that the
     residual of a method up to fourth order is an error of the method. In f32 the particles are rounded in every step, and the
@@ -39,6 +41,7 @@ class EnergyBalance:
         """Begin a new balance at the next sample."""
         self._integral = RunningIntegral()
         self._booked = 0.0
+        self._heat_elsewhere = 0.0  # of earlier phases, less the heat taken before the first sample
         self._step: int | None = None
         self._kinetic = 0.0
         self._largest_kinetic = 0.0
@@ -81,6 +84,7 @@ class EnergyBalance:
             powers = self._powers_now(simulation.time)
             if self._step is None:
                 self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
+                self._heat_elsewhere = -_heat(simulation.phase)
             self._take(simulation.time, powers)
             self._step = simulation.step_count
 
@@ -99,11 +103,14 @@ class EnergyBalance:
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
         work = self.work + simulation.contact_report.potential_change
+        heat = self._heat_elsewhere + _heat(simulation.phase)
+        has_bath = simulation.phase.integrator.draws_random or heat != 0.0
         return {
             "dissipated_energy": dissipated,
             "work": work,
-            "energy_balance_residual": (total_energy - self.initial_energy) + (dissipated - work),
-            "energy_turnover": max(self.turnover, abs(dissipated), abs(work)),
+            **({"heat": heat} if has_bath else {}),
+            "energy_balance_residual": (total_energy - self.initial_energy) + (dissipated - work - heat),
+            "energy_turnover": max(self.turnover, abs(dissipated), abs(work), abs(heat)),
         }
 
     @contextmanager
@@ -114,7 +121,14 @@ class EnergyBalance:
         """
         self.look(simulation)
         before = self._kinetic + simulation.energy_meter.potential_energy(simulation.time)
+        heat = _heat(simulation.phase)
         yield
+        self._heat_elsewhere += heat - _heat(simulation.phase)
         self._integral.cut()
         self._take(simulation.time, self._powers_now(simulation.time))
         self._booked += self._kinetic + simulation.energy_meter.potential_energy(simulation.time) - before
+
+
+def _heat(phase: Any) -> float:
+    """Energy that a bath of the method has given in this phase [energy]."""
+    return float(phase.integrator.heat(phase.state))

@@ -93,13 +93,20 @@ class PowerMeter:
     `in_kernel`: the kernel of a serial launch measures after each step, with one thread for all particles.
     """
 
-    def __init__(self, state: State, total_force: TotalForce, *, in_kernel: bool):
-        """Allocate three numbers for each block of particles and each step of a launch."""
+    def __init__(self, state: State, total_force: TotalForce, mass: np.ndarray, *, in_kernel: bool):
+        """Allocate three numbers for each block of particles and each step of a launch.
+
+        `mass` are the masses of the first replica, for a state without masses: where no force acts, a step needs none.
+        """
         self.state = state
         self.total_force = total_force
         self.in_kernel = in_kernel
         self.particle_count = state.particle_count
-        self.has_mass = "mass" in state.quantities  # absent where no force acts
+        if "mass" in state.quantities:
+            self.mass = state.mass
+        else:
+            self.mass = ti.field(state.wide, shape=state.particle_count)
+            self.mass.from_numpy(mass.astype(np.float32 if state.wide == ti.f32 else np.float64))
         self.block = state.particle_count if in_kernel else BLOCK
         self.block_count = (state.particle_count + self.block - 1) // self.block
         self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
@@ -114,10 +121,7 @@ class PowerMeter:
         """After step s of a launch, the sums over block b, one particle after the other."""
         sums = ti.Vector.zero(self.state.wide, 3)
         for i in range(b * self.block, ti.min((b + 1) * self.block, self.particle_count)):
-            kinetic = ti.cast(0.0, self.state.wide)
-            if ti.static(self.has_mass):
-                kinetic = wide_velocity(self.state, i).norm_sqr()
-                kinetic *= 0.5 * wide_number(self.state, self.state.mass[i])
+            kinetic = 0.5 * wide_number(self.state, self.mass[i]) * wide_velocity(self.state, i).norm_sqr()
             powers = self.total_force.powers_of(self.state, i, time)
             sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)
         self.history[s, b] = sums

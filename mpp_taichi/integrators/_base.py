@@ -30,6 +30,7 @@ class Integrator:
                      which scenes are checked, and the method is refused with such forces
     takes_time       works with forces that depend on time explicitly; declared and checked in the same way
     memory           work fields that a step leaves for the next step
+    needs            quantities of the particles that the step reads, beside those that the forces need
     can_use_tree     needs nothing but accelerations, of all particles at once, so that a tree can sum them
     takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c, ds and df64
     carries_rounding  keeps the rounding errors of positions and velocities, so that changes below their spacing are not lost
@@ -46,6 +47,9 @@ class Integrator:
     begins_anew          chooses each step only by the motion at its beginning, so that a step can be cut at a contact
     flies                takes no steps: a contact solver that flies moves the particles
     takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
+    draws_random         changes velocities by random numbers in the middle of each drift (`meet_bath`): its motions have no
+                         error that could be measured, and no tangent
+    conserves_energy, gains_no_energy  but for the error of the method; False with a bath of heat
     takes_rods           keeps the lengths of rigid rods, and its order with them
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
@@ -78,6 +82,7 @@ class Integrator:
     takes_velocity = True
     takes_time = True
     memory: tuple = ()
+    needs: frozenset = frozenset()
     takes_low_parts = False
     carries_rounding = False
     controlled_by = ""
@@ -90,6 +95,9 @@ class Integrator:
     begins_anew = False
     flies = False
     takes_sliders = True
+    draws_random = False
+    conserves_energy = True
+    gains_no_energy = True
     takes_rods = False
     takes_any_numbers = False
     takes_tangent = False
@@ -154,6 +162,16 @@ class Integrator:
 
     def adopt(self, state: Any, dt: float) -> None:
         """Take positions and velocities that were set from outside, for steps of `dt`; to do so twice changes nothing more."""
+
+    def count_from(self, state: Any, step: int) -> None:
+        """The next step has this number since the start of the run; called after the state was set or taken over."""
+
+    def set_step(self, state: Any, dt: float) -> None:
+        """Prepare for steps of dt; called before each launch."""
+
+    def heat(self, state: Any) -> float:
+        """Energy that a bath of the method has given to the particles of the first replica [energy]."""
+        return 0.0
 
     standing_reason = ""  # why replicas stand still
 

@@ -22,7 +22,7 @@ SAMPLES_PER_RUN = 200
 SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so far apart, samples are a quarter of a run
 FORMATS = (".csv", ".npz")
 _SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
-_BALANCE = ("dissipated_energy", "work", "energy_balance_residual")  # only with an energy balance
+_BALANCE = ("dissipated_energy", "work", "heat", "energy_balance_residual")  # only with an energy balance; heat with a bath
 _VECTORS = ("momentum", "angular_momentum", "center_of_mass")
 ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "center_of_mass_error")
 
@@ -62,8 +62,9 @@ class TableRecorder:
     `validity`, if given, is a function of the time: 1 where positions are valid, 0 where not, NaN where unknown, for a last
     column `valid`.
 
-    With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
-    |work| W of the whole run, or over its largest kinetic + |potential| where these three are no more than rounding.
+    With an energy balance also energy_balance_error, |E + D − W − Q − E₀| over the largest kinetic energy, dissipated energy D,
+    |work| W or |heat| Q of a bath in the whole run, or over its largest kinetic + |potential| where these four are no more than
+    rounding.
     """
 
     def __init__(self, every: int, asked: MeasuredColumns | None = None) -> None:
@@ -181,7 +182,7 @@ class TableRecorder:
             found["conserved_energy_error_max"] = max(kept)
         found |= {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
         if self.is_balanced:
-            found |= {name: self.rows[-1][name] for name in _BALANCE[:2]}
+            found |= {name: self.rows[-1][name] for name in _BALANCE[:3] if name in self.rows[-1]}
             found["energy_balance_error_max"] = max(self._balance_errors())
         return found
 
@@ -194,9 +195,13 @@ class TableRecorder:
         turnover, largest = max(row["energy_turnover"] for row in self.rows), self._energy_error.largest
         return [_ratio(row["energy_balance_residual"], scale_of(turnover, largest)) for row in self.rows]
 
+    def _of_balance(self) -> list[str]:
+        """The columns of the energy balance that every sample has; a bath may come with a later phase."""
+        return [name for name in _BALANCE if all(name in row for row in self.rows)]
+
     def _derived(self) -> dict[str, list[float]]:
         """The columns that are computed from others: the errors, and the energy balance where it is kept."""
-        found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *(_BALANCE if self.is_balanced else ()))}
+        found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *self._of_balance())}
         found |= {"energy_balance_error": self._balance_errors()} if self.is_balanced else {}
         return found | self._valid()
 

@@ -113,7 +113,8 @@ def _errors(found: Mapping[str, Any]) -> str:
         return ""
     energy = f"energy {found['relative_energy_error_max']:.2g}"
     if not found["conserves_energy"]:
-        energy += " (contacts or walls change it)" if "contacts" in found else " (a force does work here)"
+        reason = "contacts or walls change it" if "contacts" in found else "a force does work here"
+        energy += f" ({reason})" if "heat_bath" not in found else " (a bath of heat changes it)"
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     if not found["conserves_momentum"]:
@@ -132,8 +133,9 @@ def _errors(found: Mapping[str, Any]) -> str:
 def _balance(found: Mapping[str, Any]) -> str:
     if "energy_balance_error_max" not in found:
         return ""
+    heat = f"heat {found['heat']:.6g}, " if "heat" in found else ""
     return (
-        f"dissipated {found['dissipated_energy']:.6g}, work {found['work']:.6g}, "
+        f"dissipated {found['dissipated_energy']:.6g}, work {found['work']:.6g}, {heat}"
         f"closes to {found['energy_balance_error_max']:.2g} of the energy turned over"
     )
 

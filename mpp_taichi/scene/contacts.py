@@ -142,6 +142,9 @@ def _check_located(spec: SceneSpec, place: Location, key: str, faults: Faults) -
 
 
 def _check_merging(spec: SceneSpec, faults: Faults) -> None:
+    if spec.integrator.flag("integrators", "draws_random"):
+        rule = "cannot be where spheres merge: the bath would have to push spheres that are no longer there"
+        faults.add(spec.integrator.location, f"integrator.{spec.integrator.name}", rule)
     if spec.springs:
         faults.add(spec.springs[0].location, "springs", "cannot be where spheres merge: a spring would lose its end")
     for number, wall in enumerate(spec.walls):

@@ -114,3 +114,12 @@ def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout
 def _in_plane(snapshot: Snapshot, axis: int) -> bool:
     """Whether all particles are held at one place on this axis, as orbits in a plane are without being held."""
     return not snapshot.free[:, axis].any() and np.ptp(snapshot.position[:, axis]) == 0.0
+
+
+def bath_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
+    """The free particles without mass beside a method with a bath of heat, which would give them an infinite speed."""
+    if spec.integrator.flag("integrators", "draws_random"):
+        light = np.flatnonzero((snapshot.mass == 0.0) & snapshot.free.any(axis=1))
+        if len(light):
+            rule = "has no mass, must have one above 0: a bath gives it an infinite speed"
+            yield spec.integrator.location, f"integrator.{spec.integrator.name}: {layout.label(int(light[0]))} {rule}"

@@ -10,7 +10,7 @@ from mpp_taichi.scene.acting import is_switched_off
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.groups import acts
-from mpp_taichi.scene.integrator_checks import planetary_faults
+from mpp_taichi.scene.integrator_checks import bath_faults, planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -25,7 +25,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, _formulas)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]

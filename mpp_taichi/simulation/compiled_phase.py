@@ -109,7 +109,8 @@ class CompiledPhase:
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
-            self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
+            force_free = not (forces or self.integrator.draws_random)
+            self.contacts.bind(contact_setup(spec, start, force_free=force_free), self.state)
         self.tangent = TangentMeter(self.state, start.free, self.copies, on_cpu=device.on_cpu) if self.has_tangent else None
         self.launcher = launcher_for(
             self.state,
@@ -155,7 +156,7 @@ class CompiledPhase:
         state = State(
             start,
             **sizes,
-            needs=self.total_force.needs,
+            needs=self.total_force.needs | integrator.needs,
             scratch_count=scratch_count,
             slopes=integrator.slopes(self.total_force.depends_on_velocity),
             layout=layout_of(self.total_force.has_pairs, self.replica_count, on_cpu=device.on_cpu),
@@ -242,7 +243,7 @@ class CompiledPhase:
         self.state.write_snapshots([replace(each, velocity=each.velocity * each.free) for each in starts or (start,)])
         if self.tangent is not None:
             self.tangent.begin()
-        self._begin_afresh(dt)
+        self._begin_afresh(dt, start.step)
 
     def take_restitution(self, spec: SceneSpec) -> None:
         """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""
@@ -250,17 +251,18 @@ class CompiledPhase:
             assert spec.contacts is not None
             self.contacts.take_restitution(spec.contacts.solver.parameters["restitution"], contact_setup(spec, self.particles))
 
-    def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
-        """Go on from the state of an earlier phase, bit for bit, with steps of `dt`; an axis that is held from now on stops."""
+    def take_over(self, earlier: "CompiledPhase", dt: float, step: int) -> None:
+        """Go on at this step from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
         if earlier is not self:
             self.state.take_over(earlier.state, self.particles.free)
-        self._begin_afresh(dt)
+        self._begin_afresh(dt, step)
 
-    def _begin_afresh(self, dt: float) -> None:
+    def _begin_afresh(self, dt: float, step: int) -> None:
         """Round positions and velocities as the method has them; forget forces and history; begin the sums of contacts."""
         self.total_force.begin(self.state)
         self._begin_sums()
         self.integrator.adopt(self.state, dt)
+        self.integrator.count_from(self.state, step)
         self._forget()
 
     def _begin_sums(self) -> None:
@@ -352,7 +354,7 @@ class CompiledPhase:
 
         # A serial launch on a device that limits its loops has no room for the loops of the meter.
         in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
-        return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+        return PowerMeter(self.state, self.total_force, (*self.replica_starts, self.particles)[0].mass, in_kernel=in_kernel)
 
     def read_tangent(self) -> TangentGrowth:
         """The growth of the deviation of every system; TypeError where no quantity of the scene asks for it."""
@@ -364,29 +366,29 @@ class CompiledPhase:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential and no contact takes energy, so that the total energy is constant."""
-        return self.total_force.conserves_energy and (self.contacts is None or self.contacts.conserves_energy)
+        """Whether every force has a potential and no contact or bath takes energy, so that the total energy is constant."""
+        parts = (self.total_force, self.integrator, self.contacts)
+        return all(each is None or each.conserves_energy for each in parts)
 
     @property
     def gains_no_energy(self) -> bool:
-        """Whether no force and no contact adds energy, so that the total energy does not grow."""
-        return self.total_force.gains_no_energy and (self.contacts is None or self.contacts.gains_no_energy)
+        """Whether no force, contact or bath adds energy, so that the total energy does not grow."""
+        parts = (self.total_force, self.integrator, self.contacts)
+        return all(each is None or each.gains_no_energy for each in parts)
 
     @property
     def conserves_momentum(self) -> bool:
         """Whether particles act on each other only, along the line between them, so that the total momentum is constant.
 
-        An external force changes the momentum, and so do walls and an axis that is held.
+        An external force or a bath changes the momentum, and so do walls and an axis that is held.
         """
-        held = not self.particles.free[:, : self.spec.dimensions].all()
-        return not self.total_force.external and not held and not self.surfaces
+        free = bool(self.particles.free[:, : self.spec.dimensions].all()) and not self.integrator.draws_random
+        return free and not self.total_force.external and not self.surfaces
 
     @property
     def conserves_angular_momentum(self) -> bool:
         """Whether the total angular momentum is constant: not in a periodic box, nor where spheres merge."""
         return self.conserves_momentum and not any(self.phase.enclosure.period) and not self.state.merges
-
-    # Memory
 
     def destroy(self) -> None:
         """Give the device memory back."""

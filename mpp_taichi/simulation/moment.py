@@ -51,7 +51,7 @@ def forget_history(simulation: Any) -> None:
     """Let the method begin anew from the present state, with steps of another length."""
     require_life(simulation)
     with one_thread.lock:
-        simulation.phase.take_over(simulation.phase, simulation.dt)
+        simulation.phase.take_over(simulation.phase, simulation.dt, simulation.step_count)
 
 
 def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:

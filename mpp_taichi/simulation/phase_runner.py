@@ -140,7 +140,7 @@ class PhaseRunner:
         with self.parameter_change():
             self.enter(number)
             self.clock.set(begun.at, step)
-            self.phase.take_over(earlier, self.clock.dt)
+            self.phase.take_over(earlier, self.clock.dt, step)
         if not self.guard.knows(begun.spec, begun.particles.springs, self.phase.integrator):
             self._guard_step(self.phase.snapshot(self.clock))
         after = self.accounts.phase_energy = self._total_energy()

@@ -25,8 +25,18 @@ class DriftingContacts(Launcher):
                 with self.loops, self.compiled():
                     self._kick(time, dt, k, self.shape)
             if drift != 0.0:
-                with self.loops:
-                    self.contacts.drift(self.state, time + node * dt, drift * dt)
+                self._drift(time + node * dt, drift * dt)
+
+    def _drift(self, time: float, length: float) -> None:
+        """A drift with its contacts; a method with a bath of heat has two halves of it, and its bath between them."""
+        if not self.integrator.draws_random:
+            with self.loops:
+                self.contacts.drift(self.state, time, length)
+            return
+        with self.loops:
+            self.contacts.drift(self.state, time, length / 2)
+            self._meet_bath()
+            self.contacts.drift(self.state, time + length / 2, length / 2)
 
     def launches_per_step(self) -> int | None:
         """Not known: it depends on the contacts."""
@@ -40,3 +50,8 @@ class DriftingContacts(Launcher):
                 self.integrator.kick_stage(self.state, self.total_force, 0, time, dt, k, shape)
         else:
             self.integrator.kick_stage(self.state, self.total_force, 0, time, dt, k, shape)
+
+    @ti.kernel
+    def _meet_bath(self):
+        for i in range(self.total_force.particle_count):
+            self.integrator.meet_bath(self.state, i, i)

@@ -135,6 +135,7 @@ class Launcher(ABC):
         self.state.pass_time(last - first, dt)
 
     def _begin_launch(self, dt: float) -> None:
+        self.integrator.set_step(self.state, dt)
         if self._carries_low and dt != self._numbers_of:
             self._write_step_numbers(dt)
         if self.total_force.has_rods:

@@ -12,6 +12,7 @@ from mpp_taichi.start.assemble import assemble
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
 from mpp_taichi.start.overlaps import overlapping_pairs
 from mpp_taichi.walls._base import Enclosure
+from scenes import REQUIRED
 
 SOLVERS = [
     name for name in component.names("contacts") if name != "merging"
@@ -336,7 +337,7 @@ def test_event_driven_contacts_know_no_other_force_than_gravity():
 def test_integrators_that_may_drift_are_those_whose_drifts_lead_forward():
     for name in component.names("integrators"):
         if component.declaration("integrators", name).base == "Splitting":
-            made = component.build("integrators", name, {"dt": 1.0})
+            made = component.build("integrators", name, {"dt": 1.0} | REQUIRED.get(name, {}))
             assert (min(made.drifts) >= 0.0) == bool(component.flag("integrators", name, "moves_forward_alone"))
 
 

@@ -222,6 +222,23 @@ def test_a_change_of_parameters_is_booked_as_work():
 
 
 @pytest.mark.sampled(3)
+def test_a_phase_without_a_force_keeps_its_kinetic_energy():
+    """Where no force acts the step needs no masses, and the balance reads them elsewhere."""
+    body = {"body": {"mass": 2.0, "position": [1, 0, 0], "velocity": [0, 1, 0]}}
+    scene = {
+        "particles": [body],
+        "forces": [{"harmonic_trap": {"frequencies": [1, 1, 1]}}],
+        "integrator": {"velocity_verlet": {"dt": 0.01}},
+        "timeline": [{"at": 2.0, "set": {"forces": []}}],
+    }
+    with Simulation(scene, backend="cpu") as simulation:
+        simulation.keep_energy_balance()
+        found = simulation.run(steps=400).diagnostics()
+    # The orbit is the circle of radius 1: the trap's potential energy, m/2 ω² r² = 1, goes with it, to order (ω dt)².
+    assert found["work"] == pytest.approx(-1.0, abs=1e-4)
+    assert abs(found["energy_balance_residual"]) < 1e-4 * found["energy_turnover"]
+
+
 def test_single_precision_closes_to_its_rounding():
     """Every step rounds velocities to 2⁻²⁴ of their size, which walks at random: (few) · 2⁻²⁴ √steps of the turnover."""
     with Simulation(damped_and_driven("rk4"), backend="cpu", precision="f32") as simulation:

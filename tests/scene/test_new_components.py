@@ -110,7 +110,7 @@ def test_a_new_splitting_may_sum_gravity_by_a_tree(add):
     ("flag", "integrator", "refused"),
     [
         ("drifts = True", "leapfrog", ""),
-        ("drifts = True", "rk4", "goes with the integrators leapfrog, symplectic_euler, velocity_verlet, not rk4"),
+        ("drifts = True", "rk4", "goes with the integrators langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4"),
         ("leads = True", "ias15", ""),
         (
             "leads = True",

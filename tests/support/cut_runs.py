@@ -21,6 +21,7 @@ from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.report.expectations import Watcher
 from mpp_taichi.simulation.moment import go_to, moment_of
 from mpp_taichi.simulation.simulation import Simulation
+from scenes import REQUIRED
 
 STEPS = 60
 PLANS = ("serial", "parallel")
@@ -33,7 +34,7 @@ def orbits(integrator):
         "title": "Orbits",
         "particles": [{"body": {"mass": m, "position": x, "velocity": v}} for m, x, v in bodies],
         "forces": [{"newtonian_gravity": {"strength": 1}}],
-        "integrator": {integrator: {"dt": 0.01}},
+        "integrator": {integrator: {"dt": 0.01} | REQUIRED.get(integrator, {})},
         "run": {"duration": 1},
     }
     if component.flag("integrators", integrator, "implicit"):
@@ -63,7 +64,7 @@ def gas(solver, integrator=None, *, forced=False):
         "run": {"duration": 3},
     }
     method = integrator or integrators_of(solver)[0]
-    scene["integrator"] = {method: {"dt": 0.02}}
+    scene["integrator"] = {method: {"dt": 0.02} | REQUIRED.get(method, {})}
     if component.flag("contacts", solver, "leads"):
         scene["forces"] = [{"newtonian_gravity": {"strength": 0.1}}]
     elif forced:

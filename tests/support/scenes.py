@@ -5,11 +5,12 @@ import math
 from mpp_taichi import component
 
 # Every method that advances by steps of dt; event_driven flies from collision to collision and goes with contacts alone,
-# adaptive methods choose their steps themselves, and wisdom_holman knows planets alone.
+# adaptive methods choose their steps themselves, wisdom_holman knows planets alone, and langevin has a bath of heat, so that it
+# follows no motion which could be compared (tests/integrators/test_langevin.py).
 INTEGRATORS = [
     name
     for name in component.names("integrators")
-    if name not in ("event_driven", "wisdom_holman")
+    if name not in ("event_driven", "wisdom_holman", "langevin")
     and component.declaration("integrators", name).base not in ("Adaptive", "Embedded")
 ]
 # Splittings are one code with many tables, and so are Runge–Kutta methods: tests/integrators/test_tables.py looks at each of
@@ -21,6 +22,9 @@ MORE_TABLES = [
     *("kahan_li8", "bogacki_shampine", "dop853"),
 ]
 KINDS_OF_STEP = [name for name in INTEGRATORS if name not in MORE_TABLES]
+
+REQUIRED = {"langevin": {"temperature": 0.5, "friction": 1.0}}
+"""The parameters that a method has beside dt without a default."""
 
 
 def takes_friction(name):

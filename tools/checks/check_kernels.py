@@ -19,6 +19,7 @@ FUNCTIONS = ("exp", "log", "pow", "sin", "cos", "tan", "atan2")
 IN_SINGLE_ONLY = {f"{place}.{name}" for place in ("ti", "ti.math") for name in FUNCTIONS}
 MAY_HAVE_THEM = {  # where such functions are computed, or no kernel is compiled for Vulkan in f64
     "rough_functions.py",
+    "random_numbers.py",  # in f32 in every precision
     "harmonic_drive.py",  # refused there, as `takes_sine` says
     "_kepler.py",  # of wisdom_holman, which runs on the CPU only
     "merger.py",  # of merging, which runs on the CPU only

@@ -48,6 +48,7 @@ LARGE_GAS: dict[str, Any] = {
         {"gas": {"count": 6000, "lower": [0, 0], "upper": [4, 4], "radius": 0.012, "radius_spread": 0.2, "speed": 1.5}}
     ],
 }
+REQUIRED = {"langevin": {"temperature": 0.5, "friction": 1.0}}  # parameters without a default
 METHOD_BESIDE = {
     "event_driven": {"event_driven": {"dt": 0.01}},
     "located": {"ias15": {"dt": 0.01}},
@@ -63,7 +64,7 @@ def cases() -> Iterator[tuple[str, Any, dict[str, Any]]]:
         if name == "event_driven":
             continue
         numbers = {parameter.name for parameter in component.declaration("integrators", name).parameters}
-        integrator = {name: {"dt": 0.01} if "dt" in numbers else {}}
+        integrator = {name: ({"dt": 0.01} if "dt" in numbers else {}) | REQUIRED.get(name, {})}
         for label, scene in (
             ("bodies", BODIES),
             ("springs", {**BODIES, "forces": [], "springs": SPRINGS}),
