@@ -11,6 +11,7 @@ from mpp_taichi.recorders.motion import motion_ahead
 from mpp_taichi.recorders.path_samples import MOST_PLACES, PathSamples, Told
 from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.overlaps import bounced
 from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.wall_outline import Outline, outline_of
 
@@ -59,7 +60,7 @@ class DenseOutput:
     """Dense output of first order: at a time δ after a step the positions are x + v δ.
 
     The error ½ a δ² is far below a pixel for any step that resolves the motion. Where the method drifts along orbits, the
-    positions lie on these.
+    positions lie on these. A way that leads into a wall is mirrored there.
     """
 
     tolerance = SAME_TIME
@@ -67,7 +68,9 @@ class DenseOutput:
 
     def particles(self, simulation: "Simulation", time: float) -> Snapshot:
         """The particles at a time before the next step."""
-        return simulation.snapshot_ahead(time - simulation.time)
+        found = simulation.snapshot_ahead(time - simulation.time)
+        surfaces = simulation.phase.surfaces
+        return bounced(surfaces, found, time - simulation.time) if surfaces else found
 
 
 class FilmRecorder:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.plots import Curves, Histogram, Plot, Samples
 from mpp_taichi.quantities._base import Dimension, OfEach, Setting
-from mpp_taichi.recorders._distribution import Distribution, MaxwellBoltzmann
+from mpp_taichi.recorders._distribution import Distribution, FormulaLaw, Law, MaxwellBoltzmann
 from mpp_taichi.recorders._measured_columns import MeasuredColumns
 from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.expressions import ExpressionError, Formula
@@ -123,7 +123,10 @@ class Inspector:
             has_theory=panel.theory is not None,
             bins=panel.bins,
         )
-        law = MaxwellBoltzmann(self._setting.spec, entry) if panel.theory is not None else None
+        law: Law | None = MaxwellBoltzmann(self._setting.spec, entry) if panel.theory is not None else None
+        if isinstance(panel.theory, tuple):
+            (formula,) = panel.theory
+            law = FormulaLaw(formula)
         self._histograms.append(Distribution(plot, quantity, panel.after, law))
         return plot
 

@@ -120,7 +120,8 @@ def _errors(found: Mapping[str, Any]) -> str:
     if not found["conserves_momentum"]:
         # A held axis or a wall need not act: the change is told as well, so that it can be compared with a promise.
         changed = found["momentum_error_max"]
-        return f"{energy}; momentum changes by {changed:.2g}, as external forces, walls or held particles may change it"
+        bath = "a bath of heat, " if "heat_bath" in found else ""
+        return f"{energy}; momentum changes by {changed:.2g}, as {bath}external forces, walls or held particles may change it"
     momentum = f"{energy}, momentum {found['momentum_error_max']:.2g}"
     turning = f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
     if "merge_count" in found.get("contacts", {}):

@@ -70,7 +70,11 @@ def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
         histogram=(quantity | None, Describe(None, description="in place of y: the quantity whose distribution is drawn")),
         bins=_key(Whole(minimum=2, maximum=200), 30, "number of bins of the histogram"),
         after=_key(Number(minimum=0.0), None, "time from which a histogram adds up all samples; absent: one for each"),
-        theory=_key(_Theory(), None, "formulas over t and x drawn below the curves; of a histogram: maxwell_boltzmann"),
+        theory=_key(
+            _Theory(),
+            None,
+            "formulas over t and x drawn below the curves; of a histogram: maxwell_boltzmann, or the density as a formula",
+        ),
         logarithmic=_key(Flag(), False, "whether y is drawn on a logarithmic axis"),
     )
 
@@ -170,6 +174,7 @@ def _conflicts(panel: PanelSpec, given: set[str]) -> Iterator[tuple[str, str]]:
         ]
         yield "histogram", f"{name} is one number, and has no distribution{choices(name, known)}"
     if isinstance(panel.theory, tuple):
-        yield "theory", f"of a histogram it must be {' or '.join(DISTRIBUTIONS)}, not a formula"
+        if len(panel.theory) > 1:
+            yield "theory", f"of a histogram it must be {' or '.join(DISTRIBUTIONS)}, or one formula, not {len(panel.theory)}"
     elif panel.theory is not None and name not in DISTRIBUTED:
         yield "theory", f"{panel.theory} is the distribution of {' or '.join(DISTRIBUTED)}, not of {name}"

@@ -181,7 +181,7 @@ class ContactsSpec:
 class PanelSpec:
     """One panel: curves of `y` over `x`, or the histogram of a quantity that every particle has.
 
-    `theory` holds formulas over t and x, or of a histogram the name of a distribution.
+    `theory` holds formulas over t and x, or of a histogram the name of a distribution, or its density.
     """
 
     title: str
@@ -313,8 +313,9 @@ class SceneSpec:
         return sum((float(force.parameters["strength"]) for force in self.forces_with("gravitates")), 0.0)
 
     def effects(self, spring_count: int) -> list[str]:
-        """The names of all effects: forces, springs where the scene has some, contacts and walls."""
+        """The names of all effects: forces, springs where the scene has some, a bath of heat, contacts and walls."""
         names = [entry.label for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
         names += list(dict.fromkeys(entry.name for _, entry in self.rigid_entries))
+        names += [self.integrator.name] if self.integrator.flag("integrators", "draws_random") else []
         contacts = ["hard_spheres"] if self.contacts is not None else []
         return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

@@ -1,5 +1,6 @@
 """Overlaps of spheres with each other and with walls at the start: found, refused or removed. Host side."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -106,6 +107,20 @@ def surface_depth(
     distance = np.linalg.norm(offset, axis=1)
     outward = offset / np.maximum(distance, 1e-300)[:, None]
     return (distance + radius - surface.radius, -outward) if surface.inside else (surface.radius + radius - distance, outward)
+
+
+def bounced(surfaces: Sequence[Surface], snapshot: Snapshot, since: float) -> Snapshot:
+    """The particles with the ways mirrored on which they flew into a wall within the time `since`, as they bounce there.
+
+    Particles that were in the wall before, such as balls that rest in it by a rounding error, stay.
+    """
+    position, speed = snapshot.position, np.linalg.norm(snapshot.velocity, axis=1)
+    for surface in surfaces:
+        depth, outward = surface_depth(surface, position, snapshot.radius, snapshot.time)
+        into = np.maximum(speed + np.linalg.norm(surface.velocity), 0.0) * since
+        went_in = (depth > 0.0) & (depth <= into) & snapshot.free.any(axis=1)
+        position = np.where(went_in[:, None], position + 2.0 * depth[:, None] * outward, position)
+    return replace(snapshot, position=position)
 
 
 def _segment_depth(surface: Surface, offset: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -245,7 +245,10 @@ FAULTS = [
     ({"contacts": {"hard_spheres": {"solver": "swept", "restituton": 1}}}, "did you mean 'restitution'?"),
     ({"contacts": {"hard_spheres": {"solver": "swept", "overlap": "maybe"}}}, "allowed: refuse, separate"),
     ({"contacts": {"hard_spheres": {"solver": "event_driven"}}}, "event_driven needs no integrator"),
-    ({"integrator": {"rk4": {"dt": 0.1}}}, "goes with the integrators langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4"),
+    (
+        {"integrator": {"rk4": {"dt": 0.1}}},
+        "langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
+    ),
     ({"integrator": {"event_driven": {}}}, "not event_driven"),
     (
         {"contacts": {"hard_spheres": {"solver": "resting", "compliance": 1e-3}}, "integrator": {"leapfrog": {"dt": 0.1}}},

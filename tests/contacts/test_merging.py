@@ -448,7 +448,10 @@ FAULTS = [
     ({"walls": [WALL]}, "walls[0].periodic_box: cannot be where spheres merge"),
     ({"timeline": [{"at": 0.5, "set": {"particles[0].body.mass": 2.0}}]}, "timeline: cannot be where spheres merge"),
     ({"contacts": {"hard_spheres": {"solver": "merging", "restitution": 0.5}}}, "restitution"),
-    ({"integrator": {"rk4": {"dt": 0.1}}}, "goes with the integrators langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4"),
+    (
+        {"integrator": {"rk4": {"dt": 0.1}}},
+        "langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
+    ),
 ]
 
 

@@ -168,6 +168,35 @@ def test_a_histogram_is_that_of_theory(tmp_path: Path):
         assert np.all(np.abs(plot.density - expected) < error)
 
 
+def test_a_histogram_has_the_density_of_a_formula(tmp_path):
+    """A density over the quantity and the time; where it has no value, as 1/x at 0, nothing is drawn."""
+    bodies = [{"body": {"mass": 1, "position": [k, 0, 0], "velocity": [1, 0, 0]}} for k in range(5)]
+    scene = {
+        "particles": bodies,
+        "integrator": {"leapfrog": {"dt": 1}},
+        "constants": {"wide": 0.5},
+        "inspect": [{"histogram": {"position": {"axis": "x"}}, "bins": 4, "theory": "exp(-wide*(x - t)) + 1/(x - 1)"}],
+    }
+    with Simulation(scene, backend="cpu") as simulation:
+        recorder = InspectionRecorder(Inspector(simulation), every=1)
+        simulation.run(steps=2, recorders=[recorder])
+        (plot,) = recorder.inspector.plots
+        recorder.save(tmp_path / "bins.csv")
+    x = plot.curve
+    assert x[0] < 2.0 and x[-1] > 6.0
+    assert plot.theory == pytest.approx(np.exp(-0.5 * (x - 2.0)) + 1.0 / (x - 1.0), rel=1e-12)
+
+
+def test_of_a_histogram_several_formulas_are_refused():
+    scene = {
+        "particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}],
+        "integrator": {"leapfrog": {"dt": 1}},
+        "inspect": [{"histogram": "speed", "theory": ["x", "t"]}],
+    }
+    with pytest.raises(SceneError, match="of a histogram it must be maxwell_boltzmann, or one formula, not 2"):
+        Simulation(scene, backend="cpu")
+
+
 def test_a_histogram_from_a_time_on_is_empty_before_it(tmp_path):
     """Samples of the times 0, 1, 2 and 3; from 2 on they are added up."""
     scene = {

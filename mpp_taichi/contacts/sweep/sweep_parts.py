@@ -17,6 +17,7 @@ from mpp_taichi.contacts.sweep.slots import Slots
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.device_grid import DeviceGrid
+from mpp_taichi.neighbors.point_grid import PointGrid
 
 
 class SweepParts:
@@ -40,12 +41,12 @@ class SweepParts:
         lists       the pairs that the grid shows may be listed
         stay        spheres may stay in their slots after a drift
         """
-        n, enclosure = setup.particle_count, setup.enclosure
+        n = setup.particle_count
         self.state = state
         self.bounce = Bounce(setup)  # filled before any field is left to be placed
         self.tally = Tally(n, self.bounce.walls.account_count, getattr(state, "wide", ti.f64), placed_by_caller=True)
-        kind = CellGrid if on_cpu() else DeviceGrid
-        self.grid: Any = None if all_pairs else kind(n, setup.dimensions, enclosure.period, enclosure.origin)
+        may_meet = bool(setup.radius.any())
+        self.grid: Any = None if all_pairs else _grid(setup) if may_meet else PointGrid(n, setup.dimensions)
         order = None if all_pairs else self.grid.order
         self.slots = Slots(setup, state, self.bounce, order, stay=stay and setup.force_free and not all_pairs)
         self.played = PlayedSpheres(setup, self.slots)
@@ -55,7 +56,7 @@ class SweepParts:
         self.memory = ContactMemory(setup)
         self.candidates: Any = None
         if not all_pairs:
-            self.candidates = Candidates(self.slots, self.played, self.planner, self.grid, lists=lists)
+            self.candidates = Candidates(self.slots, self.played, self.planner, self.grid, lists=lists and may_meet)
         self.watch = LoopWatch()
         self.memory.clear()
 
@@ -65,3 +66,8 @@ class SweepParts:
         for part in (*parts, self.candidates, self.grid):
             if part is not None:
                 part.destroy()
+
+
+def _grid(setup: ContactSetup) -> Any:
+    kind, enclosure = CellGrid if on_cpu() else DeviceGrid, setup.enclosure
+    return kind(setup.particle_count, setup.dimensions, enclosure.period, enclosure.origin)
