@@ -2,8 +2,8 @@
 
     python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
-Effects are every force, the stiffness of all springs and their damping, which are too strong, and the restitution of spheres
-and that of all walls, which is too low. An error is caught where an expectation fails that held before.
+Effects are every force, the stiffness of all springs and their damping, the temperature and the friction of a bath of heat,
+which are too strong, and the restitution of spheres and that of all walls, which is too low. An error is caught where an expectation fails that held before.
 """
 
 import argparse
@@ -39,6 +39,7 @@ def errors_of(scene, by):
         key = STRENGTHS.get(name) or factor_of(name, given or {})
         yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
     yield from errors_of_springs(resolved, by)
+    yield from errors_of_bath(resolved, by)
     yield from errors_of_contacts(resolved, 1.0 / by)
 
 
@@ -63,6 +64,14 @@ def errors_of_springs(resolved, by):
         settings = [f"{place}.{key}={scaled(given[key], by)}" for place, given in entries if given.get(key)]
         if settings:
             yield effect, settings
+
+
+def errors_of_bath(resolved, by):
+    """The temperature of the bath and its friction, of a method that has a bath."""
+    for name, given in (resolved.get("integrator") or {}).items():
+        if component.flag("integrators", name, "draws_random"):
+            for key in ("temperature", "friction"):
+                yield f"{key} of the bath", [f"integrator.{name}.{key}={scaled(given[key], by)}"]
 
 
 def errors_of_contacts(resolved, by):
