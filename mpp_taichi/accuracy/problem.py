@@ -189,9 +189,10 @@ def _check_methods(spec: SceneSpec) -> None:
     place = spec.integrator.location
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
-    if spec.integrator.flag("integrators", "draws_random"):
+    random = [spec.integrator] if spec.integrator.flag("integrators", "draws_random") else []
+    for source in (*random, *spec.thermal_walls):
         raise SceneError(
-            f"{place}: accuracy compares motions, and {spec.integrator.name} draws them at random: compare means instead, by "
+            f"{source.location}: accuracy compares motions, and {source.name} draws them at random: compare means instead, by "
             "`sweep` over its seed"
         )
 

@@ -69,3 +69,9 @@ def normals_for(particle, step, seed: Template):
     """Four independent normal numbers of a particle in a step; `seed` is a whole number below 2³²."""
     counter = uvec4(ti.cast(particle, ti.u32), ti.cast(step, ti.u32), ti.u32(0), ti.u32(0))
     return normal_numbers(random_words(counter, uvec2(ti.u32(seed), ti.u32(0))))
+
+
+@ti.func
+def bits_of(number):
+    """The bits of a number in f32, as a word of a counter."""
+    return ti.bit_cast(ti.cast(number, ti.f32), ti.u32)

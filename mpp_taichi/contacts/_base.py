@@ -27,6 +27,7 @@ class ContactSolver:
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
     takes_restitution   whether restitutions may change between two runs of what is compiled: `take_restitution`
+    takes_heat      whether walls may have a temperature; scenes are checked by this literal value
     takes_tangent   whether it can carry a small deviation of the spheres through flights and collisions
     follows_deviation   whether it does, in the fields `tangent_…` of the state; set before `bind`
     forces          the TotalForce that acts on the spheres, or None; set before `bind`
@@ -46,6 +47,7 @@ class ContactSolver:
     can_log = False
     logs = False
     takes_restitution = False
+    takes_heat = False
     takes_tangent = False
     follows_deviation = False
     in_turn = ""
@@ -141,11 +143,11 @@ class ContactSolver:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether contacts keep the kinetic energy: all are elastic, and no wall moves."""
+        """Whether contacts keep the kinetic energy: all are elastic, and no wall moves or has a temperature."""
         elastic = bool((self.setup.restitution == 1.0).all())
         return elastic and self.gains_no_energy and all(wall.restitution == 1.0 for wall in self.setup.enclosure.surfaces)
 
     @property
     def gains_no_energy(self) -> bool:
-        """Whether contacts cannot add energy: no wall moves."""
-        return not any(any(wall.velocity) for wall in self.setup.enclosure.surfaces)
+        """Whether contacts cannot add energy: no wall moves or has a temperature."""
+        return not any(any(wall.velocity) or wall.is_thermal for wall in self.setup.enclosure.surfaces)

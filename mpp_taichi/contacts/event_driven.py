@@ -59,6 +59,7 @@ class EventDriven(ContactSolver):
     in_turn = "it takes one event after the other from a queue"
     can_log = True
     takes_tangent = True
+    takes_heat = True
     takes_restitution = True
     log_capacity = 65_536  # contacts that are logged on the device before the host takes them
 

@@ -29,6 +29,7 @@ class Swept(ContactSolver):
 
     order = 2
     drifts = True
+    takes_heat = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

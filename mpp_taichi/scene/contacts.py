@@ -93,6 +93,7 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         rule = "cannot be beside contacts: a bounce would need impulses along the rods; make it a spring"
         faults.add(entry.location, f"springs[{number}].{entry.name}", rule)
     solver = spec.contacts.solver
+    _check_heat(spec, faults)
     place, key = tree.value["contacts"].value["hard_spheres"].value["solver"].location, "contacts.hard_spheres.solver"
     forward = bool(spec.integrator.flag("integrators", "moves_forward_alone"))
     if solver.flag("contacts", "flies"):
@@ -112,6 +113,19 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         rule = f"contacts that yield go with the integrator {allowed}, whose drifts each follow the kick that they carry"
         given = tree.value["contacts"].value["hard_spheres"].value["compliance"].place
         faults.add(given, "contacts.hard_spheres.compliance", f"{rule}, not {spec.integrator.name}")
+
+
+def _check_heat(spec: SceneSpec, faults: Faults) -> None:
+    """Refuse walls with a temperature beside a solver that does not know them."""
+    assert spec.contacts is not None
+    solver = spec.contacts.solver
+    if solver.flag("contacts", "takes_heat"):
+        return
+    for number, wall in enumerate(spec.walls):
+        if wall in spec.thermal_walls:
+            allowed = ", ".join(component.marked("contacts", "takes_heat"))
+            rule = f"a wall with a temperature goes with the solvers {allowed}, not {solver.name}"
+            faults.add(wall.location, f"walls[{number}].{wall.name}.temperature", rule)
 
 
 def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:

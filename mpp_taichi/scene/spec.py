@@ -312,6 +312,11 @@ class SceneSpec:
         """The strength G of the scene's gravity; 0 without gravity."""
         return sum((float(force.parameters["strength"]) for force in self.forces_with("gravitates")), 0.0)
 
+    @property
+    def thermal_walls(self) -> tuple[ComponentSpec, ...]:
+        """The walls that give the spheres that meet them velocities of their temperature."""
+        return tuple(wall for wall in self.walls if wall.parameters.get("temperature") is not None)
+
     def effects(self, spring_count: int) -> list[str]:
         """The names of all effects: forces, springs where the scene has some, a bath of heat, contacts and walls."""
         names = [entry.label for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])

@@ -137,6 +137,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         reasons.insert(0, f"{spec.rods_named} do")
     if spec.timeline:
         reasons.insert(0, "a timeline does")
+    if spec.thermal_walls:
+        reasons.insert(0, "walls with a temperature do")
     if spec.contacts is not None and not carries:
         reasons.insert(0, f"collisions of {spec.contacts.solver.name} do")
     wanted = " and ".join(tangent_quantities(spec))

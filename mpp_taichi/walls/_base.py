@@ -27,6 +27,8 @@ class Surface:
     label        its text in messages and reports, "walls[0].box, lower x"
     end          of a segment
     wall         the text under which the impulse on it is reported; empty: its label
+    temperature  k T of a wall that gives every sphere that meets it a velocity of this temperature [energy]; None: a mirror
+    seed         number that chooses these velocities
     """
 
     kind: Literal["plane", "cylinder", "sphere", "segment"]
@@ -39,6 +41,13 @@ class Surface:
     label: str
     end: Vector = (0.0, 0.0, 0.0)
     wall: str = ""
+    temperature: float | None = None
+    seed: int = 1
+
+    @property
+    def is_thermal(self) -> bool:
+        """Whether the surface has a temperature."""
+        return self.temperature is not None
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ class WallSurfaces:
 
     surfaces         the surfaces of the enclosure, segments last
     account_count    number of the accounts of the enclosure
+    heats            whether some surface is thermal
     """
 
     def __init__(self, enclosure: Enclosure) -> None:
@@ -35,6 +36,7 @@ class WallSurfaces:
         self.plain_count = len(self.surfaces) - self.segment_count
         self.accounts = enclosure.account_of
         self.account_count = len(enclosure.accounts)
+        self.heats = any(surface.is_thermal for surface in self.surfaces)
         self.segments: Any = None
         self._tree: Any = None
         if any(surface.kind == "segment" for surface in self.surfaces[: self.plain_count]):
@@ -113,6 +115,16 @@ class WallSurfaces:
         else:
             result = self.segments.restitution_of[w - self.plain_count]
         return result
+
+    @ti.func
+    def temperature(self, w):
+        """k T of surface w, a number that is known only when a kernel runs, and the seed of its velocities; −1 of a mirror."""
+        result, seed = ti.cast(-1.0, float), ti.u32(0)
+        for s in ti.static(range(self.plain_count)):
+            if ti.static(self.surfaces[s].is_thermal):
+                if w == s:
+                    result, seed = self.surfaces[s].temperature, ti.u32(self.surfaces[s].seed)
+        return result, seed
 
     @ti.func
     def account(self, w: Template):

@@ -14,6 +14,10 @@ class Box(Wall):
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    temperature: float = param(
+        None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
+    )
+    seed: int = param(1, minimum=0, maximum=4294967295, help="number that chooses the velocities after a thermal wall")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """Two planes for each axis."""
@@ -34,6 +38,8 @@ class Box(Wall):
                         velocity=(0.0, 0.0, 0.0),
                         restitution=self.restitution,
                         label=f"{label}, {side} {AXES[axis]}",
+                        temperature=self.temperature,
+                        seed=self.seed,
                     )
                 )
         return Enclosure(tuple(surfaces))

@@ -14,6 +14,10 @@ class Cylinder(Wall):
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    temperature: float = param(
+        None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
+    )
+    seed: int = param(1, minimum=0, maximum=4294967295, help="number that chooses the velocities after a thermal wall")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One cylinder."""
@@ -29,5 +33,7 @@ class Cylinder(Wall):
             velocity=(0.0, 0.0, 0.0),
             restitution=self.restitution,
             label=label,
+            temperature=self.temperature,
+            seed=self.seed,
         )
         return Enclosure((surface,))

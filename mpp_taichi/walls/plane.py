@@ -15,6 +15,10 @@ class Plane(Wall):
     normal: Vector = param(help="direction into the free side, of any length")
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the plane")
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    temperature: float = param(
+        None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
+    )
+    seed: int = param(1, minimum=0, maximum=4294967295, help="number that chooses the velocities after a thermal wall")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One plane."""
@@ -27,5 +31,7 @@ class Plane(Wall):
             velocity=self.velocity,
             restitution=self.restitution,
             label=label,
+            temperature=self.temperature,
+            seed=self.seed,
         )
         return Enclosure((surface,))

@@ -3,7 +3,8 @@
     python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
 Effects are every force, the stiffness of all springs and their damping, the temperature and the friction of a bath of heat,
-which are too strong, and the restitution of spheres and that of all walls, which is too low. An error is caught where an expectation fails that held before.
+which are too strong, and the restitution of spheres and that of all walls, which is too low. An error is caught where an
+expectation fails that held before.
 """
 
 import argparse
@@ -67,26 +68,37 @@ def errors_of_springs(resolved, by):
 
 
 def errors_of_bath(resolved, by):
-    """The temperature of the bath and its friction, of a method that has a bath."""
+    """The temperature of the bath and its friction, of a method that has a bath; and the temperature of all thermal walls."""
     for name, given in (resolved.get("integrator") or {}).items():
         if component.flag("integrators", name, "draws_random"):
             for key in ("temperature", "friction"):
                 yield f"{key} of the bath", [f"integrator.{name}.{key}={scaled(given[key], by)}"]
+    thermal = [(f"walls[{number}].{kind}", given) for number, kind, given in walls_of(resolved) if "temperature" in given]
+    settings = [f"{wall}.temperature={scaled(given['temperature'], by)}" for wall, given in thermal if given["temperature"]]
+    if settings:
+        yield "temperature of the walls", settings
 
 
 def errors_of_contacts(resolved, by):
     """The restitution of spheres, and of all walls, unless it is 0; `by` is below 1, since a restitution may not be above 1."""
-    for solver, given in (resolved.get("contacts") or {}).items():
+    particles = [given for entry in resolved["particles"] for given in entry.values()]
+    meets = any(given.get("radius", 1) != 0 for given in particles)  # points meet walls alone
+    for solver, given in (resolved.get("contacts") or {}).items() if meets else ():
         if bounces("contacts", given["solver"]) and given.get("restitution") != 0:
             yield "contacts", [f"contacts.{solver}.restitution={scaled(given.get('restitution', 1.0), by)}"]
-    walls = [(number, *pair) for number, entry in enumerate(resolved.get("walls") or ()) for pair in entry.items()]
+    walls = walls_of(resolved)
     settings = [
         f"walls[{number}].{kind}.restitution={scaled(given.get('restitution', 1.0), by)}"
         for number, kind, given in walls
-        if bounces("walls", kind) and given.get("restitution") != 0
+        if bounces("walls", kind) and given.get("restitution") != 0 and given.get("temperature") is None
     ]
     if settings:
         yield "walls", settings
+
+
+def walls_of(resolved):
+    """Number, kind and parameters of each wall."""
+    return [(number, *pair) for number, entry in enumerate(resolved.get("walls") or ()) for pair in entry.items()]
 
 
 def bounces(kind, name):
