@@ -40,6 +40,12 @@ _DERIVATIVES: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
+def are_precise() -> bool:
+    """Whether the device that kernels are compiled for has these functions in the precision of the run."""
+    config = ti.lang.impl.current_cfg()
+    return config.arch != ti.vulkan or config.default_fp == ti.f32
+
+
 @traced
 def elementary(name: str, x: Any) -> Any:
     """A function of one number, by its name in a formula."""

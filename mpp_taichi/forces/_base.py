@@ -32,6 +32,7 @@ class Force:
     proportional_to_charge = False  # acts between charged particles only
     singular_at_zero_distance = False  # infinite between particles at one place, unless a `softening` is above 0
     has_functions: tuple[str, ...] = ()  # exponentials, say, which Vulkan has in f32 only
+    turns = False  # depends on velocity by a term v × Ω alone, with an Ω of place and time, as a magnetic force
     is_formula = False  # has its law from a formula (scene/formulas/)
     takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
     takes_low_parts = True  # and in df64; double-single numbers have no exponentials, say, and no time

@@ -81,7 +81,7 @@ class TotalForce:
         fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are.
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
-        self.forces = forces
+        self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
         self.dimensions = dimensions

@@ -11,6 +11,7 @@ from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle,
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._turning import only_turns, turned_acceleration
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
@@ -48,8 +49,9 @@ class Splitting(Integrator):
     ends with a kick, and the last force serves the first kick of the next step. Every splitting is symplectic for conservative
     forces; palindromic tables are time-reversible.
 
-    Forces that depend on velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of
-    the splitting, so that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
+    Where forces only turn the velocity, as magnetic fields do, a kick is exact (_turning.py). Other forces that depend on
+    velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of the splitting, so
+    that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
     positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
     """
@@ -168,21 +170,29 @@ class Splitting(Integrator):
 
     def looks_stages_up(self, total_force: Any) -> bool:
         """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile; and for rods."""
-        slopes = self.evaluations * len(self.kick_method[1])
+        slopes = self.evaluations * self.slope_count(total_force)
         return total_force.has_rods or bool(total_force.depends_on_velocity and slopes > MOST_SLOPES)
+
+    def slope_count(self, total_force: Any) -> int:
+        """Loops over the forces in a kick: one, or one for each slope where the kick is solved for a force of the velocity."""
+        return len(self.kick_method[1]) if total_force.depends_on_velocity and not only_turns(total_force) else 1
 
     def loops(self, k: int, total_force: Any) -> int:
         """One loop for kick and drift, or for each slope of a damped kick; one more for a drift that waits for all kicks."""
         _node, kick, drift = self.entries[k]
         if total_force.has_rods:
-            slopes = len(self.kick_method[1]) if total_force.depends_on_velocity else 1
+            slopes = self.slope_count(total_force)
             drifts = sum(part != 0.0 for part in self.drift_parts[k]) if k == 0 else self.most_parts
             return (0 if kick == 0.0 else 2 * slopes) + drifts
         if kick == 0.0:
             return 1 if drift != 0.0 else 0
         if total_force.depends_on_velocity:
-            slopes = len(self.kick_method[1])
-            return slopes + (slopes == 1) + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
+            slopes = self.slope_count(total_force)
+            return (
+                slopes
+                + (slopes == 1 and not only_turns(total_force))
+                + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
+            )
         return 2 if drift != 0.0 and self.sums(k, total_force) else 1
 
     @ti.func
@@ -262,7 +272,9 @@ class Splitting(Integrator):
         drifts: Template,
     ):
         """v += kick time × a, then x += drift time × v, of stage k; a is summed here, or was summed into state.acceleration."""
-        if ti.static(total_force.depends_on_velocity):
+        if ti.static(only_turns(total_force)):
+            self.turning_kick(state, total_force, first, time, k, kick_time, sums)
+        elif ti.static(total_force.depends_on_velocity):
             self.damped_kick(state, total_force, first, time, k, kick_time, sums)
         elif ti.static(sums):
             for i in range(first, first + total_force.particle_count):
@@ -286,6 +298,17 @@ class Splitting(Integrator):
         """x += drift time × v, the drift of stage k."""
         for i in range(first, first + total_force.particle_count):
             drift_particle(state, i, drift_time, 2 * k + 1)
+
+    @ti.func
+    def turning_kick(self, state: Template, total_force: Template, first, time: Template, stage, h: Template, sums: Template):
+        """Solve v' = A + v × Ω over h at fixed positions, which is exact (see _turning.py)."""
+        for i in range(first, first + total_force.particle_count):
+            still = zero_vector(state)
+            if ti.static(total_force.has_velocity_independent):
+                if ti.static(sums):
+                    state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False)
+                still = state.acceleration[i] + still
+            kick_particle(state, i, h, 2 * stage, turned_acceleration(state, total_force, i, time, h, still))
 
     @ti.func
     def damped_kick(self, state: Template, total_force: Template, first, time: Template, stage, h: Template, sums: Template):

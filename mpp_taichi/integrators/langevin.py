@@ -78,8 +78,7 @@ class Langevin(Splitting):
 
     def loops(self, k: int, total_force: Any) -> int:
         """The loops of the kick, and another loop for both drifts and the bath between them."""
-        slopes = len(self.kick_method[1]) if total_force.depends_on_velocity else 1
-        return slopes + (1 if k == 0 else 0)
+        return self.slope_count(total_force) + (1 if k == 0 else 0)
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):

@@ -147,6 +147,7 @@ def _derived(
     flags = {
         "conserves_energy": not works and not timed,
         "depends_on_velocity": moved,
+        "turns": _turns(rates, motion),
         "depends_on_time": timed,
         "has_derivatives": has_more,
         "proportional_to_mass": "m" not in programs[0].names,
@@ -164,3 +165,12 @@ def _along(expression: Any, place: list[Any], motion: list[Any], time: Any) -> A
 def _along_push(expression: Any, motion: list[Any], push: list[Any]) -> Any:
     """(a·∂/∂v) f."""
     return sum(sympy.diff(expression, v) * a for v, a in zip(motion, push, strict=True))
+
+
+def _turns(rates: list[Any], motion: list[Any]) -> bool:
+    """Whether the acceleration is A + v × Ω with an A and an Ω of place and time: linear in v, by an antisymmetric matrix."""
+    matrix = [[sympy.diff(rate, v) for v in motion] for rate in rates]
+    if any(entry.has(v) for row in matrix for entry in row for v in motion):
+        return False
+    pairs = [(j, k) for j in range(len(motion)) for k in range(j + 1)]
+    return all(sympy.expand(matrix[j][k] + matrix[k][j]) == 0 for j, k in pairs)
