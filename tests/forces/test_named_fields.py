@@ -226,3 +226,58 @@ def test_an_orbit_widens_as_its_star_loses_mass():
     a, vector, _ = elements(places[-1], speeds[-1], np.exp(-rate * t))
     assert a == pytest.approx(np.exp(rate * t), rel=5e-4)  # the changes within a period are of the order of k
     assert np.linalg.norm(vector) == pytest.approx(e, abs=5e-4)
+
+
+def test_tides_drive_a_moon_away_from_a_planet_that_turns_faster_and_brake_it_at_a_slower_one():
+    """ȧ = 6 k τ G m R⁵ (Ω − n)/(n a⁷) on a circle whose angular frequency has the pull of the bulge in it."""
+    k, lag, m, radius, turns = 0.3, 0.05, 1e-3, 0.2, 20
+    for spin in (2.5, 1.0, -1.0):
+        force = {"tides": {"radius": radius, "love_number": k, "lag": lag, "spin": [0, 0, spin]}}
+        bulge = 3 * k * m * radius**5
+        places, speeds, _ = run([STAR, force], [1, 0, 0], [0, np.sqrt(1 + bulge), 0], TAU * turns, steps=200 * turns, mass=m)
+        momentum = [np.cross(x, v)[2] for x, v in zip((places[0], places[-1]), (speeds[0], speeds[-1]))]
+        # L' = a × the push along the orbit, which is constant to the order of the change itself.
+        wanted = 3 * k * lag * m * radius**5 * (spin - np.sqrt(1 + bulge)) * TAU * turns
+        assert momentum[1] - momentum[0] == pytest.approx(wanted, rel=1e-3, abs=1e-11)
+
+
+def test_the_tide_of_a_planet_with_an_oblique_spin_is_that_of_a_bulge_that_lags():
+    """The bulge of the moon's place of τ ago, turned with the planet: the difference quotient of the static tide."""
+    x, v, spin = np.array([0.8, -0.3, 0.5]), np.array([0.2, 0.9, -0.4]), np.array([0.3, -0.7, 1.1])
+    k, lag, m, radius = 0.4, 1e-5, 0.6, 0.5
+
+    def pull(moon, raised):
+        """−∇ of the potential of the quadrupole that a moon at `raised` induces, on a moon at `moon`, for each mass."""
+        r, d = np.linalg.norm(moon), np.linalg.norm(raised)
+        along = moon @ raised
+        # W = −(k m R⁵/(r⁵ d⁵)) (3 (x·y)² − r² d²)/2
+        slope = 3 * along * raised - d**2 * moon - 2.5 * (3 * along**2 - r**2 * d**2) * moon / r**2
+        return k * m * radius**5 / (r**5 * d**5) * slope
+
+    before = x - lag * (v - np.cross(spin, x))  # seen from the turning planet
+    force = {"tides": {"radius": radius, "love_number": k, "lag": lag, "spin": spin.tolist()}}
+    scene = {
+        "particles": [{"body": {"mass": m, "position": x.tolist(), "velocity": v.tolist()}}],
+        "forces": [force],
+        "integrator": {"dop853": {"dt": 0.1}},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        found = simulation.accelerations()[0]
+    wanted = pull(x, before)
+    np.testing.assert_allclose(found, wanted, atol=(10 * lag) ** 2 * np.abs(wanted).max())  # the next order of τ
+    assert np.abs(found - pull(x, x)).max() > 1e-6 * np.abs(wanted).max()  # and not the static tide
+
+
+def test_near_a_star_orbits_turn_and_keep_the_energy_of_the_first_order():
+    c, e, turns = 200.0, 0.4, 20
+    near, fast = 1 - e, np.sqrt((1 + e) / (1 - e))
+    force = {"schwarzschild": {"mass": 1.0, "speed_of_light": c}}
+    places, speeds, _ = run([STAR, force], [near, 0, 0], [0, fast, 0], TAU * turns, steps=300 * turns)
+    _, vector, _ = elements(places[-1], speeds[-1])
+    # Within a revolution the osculating pericentre swings by some 1/c²; the turn of 20 revolutions is 380/c².
+    assert np.arctan2(vector[1], vector[0]) == pytest.approx(turns * 6 * np.pi / (c**2 * (1 - e**2)), rel=0.05)
+    r, v2 = np.linalg.norm(places, axis=1), (speeds**2).sum(axis=1)
+    newton = v2 / 2 - 1 / r
+    energy = newton + (3 / 8 * v2**2 + 3 / 2 * v2 / r + 1 / (2 * r**2)) / c**2
+    # The next terms are products of three of v² and 1/r over c⁴, with coefficients near 1.
+    assert np.ptp(energy) < (v2 + 1 / r).max() ** 3 / c**4 < 1e-2 * np.ptp(newton)
