@@ -58,6 +58,8 @@ def _globals(source: Source) -> Iterable[str]:
     for force in spec.forces:
         if force.name not in COMMANDS:
             raise source.refuse(f"a particle list has no {force.name}, only {', '.join(COMMANDS)}")
+        if force.parameters.get("on") is not None or force.parameters.get("between") is not None:
+            raise source.refuse(f"a particle list has no groups on which {force.name} acts")
         if force.parameters.get("softening"):
             raise source.refuse("a particle list has no softening")
         value = next(force.parameters[key] for key in ("strength", "acceleration", "coefficient") if key in force.parameters)

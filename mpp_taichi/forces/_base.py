@@ -9,7 +9,9 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.arithmetic.force_numbers import has_plain_numbers, where
+from mpp_taichi.arithmetic.kernel_number import NumberVector
+from mpp_taichi.arithmetic.traced import entry_of, traced
 from mpp_taichi.types import Template
 
 
@@ -53,6 +55,22 @@ def is_in(state: Any, i: Any, group: tuple[int, int]) -> Any:
     """Whether particle i, of any copy, belongs to a group, (first index, count)."""
     own = i % state.particle_count if state.replica_count > 1 else i
     return (own >= group[0]) & (own < group[0] + group[1])
+
+
+@traced
+def felt(state: Any, i: Any, group: tuple[int, int] | None, number: Any) -> Any:
+    """A number of particle i where it belongs to the group that feels a force, else 0; None: every particle feels it."""
+    return number if group is None else where(is_in(state, i, group), number, 0.0)
+
+
+@traced
+def felt_vector(state: Any, i: Any, group: tuple[int, int] | None, vector: Any) -> Any:
+    """`felt` for each component of a vector."""
+    if group is None:
+        return vector
+    inside, axes = is_in(state, i, group), range(state.dimensions)
+    numbers = [where(inside, vector[k] if isinstance(vector, NumberVector) else entry_of(vector, k), 0.0) for k in axes]
+    return ti.lang.matrix.make_matrix(numbers, float) if has_plain_numbers(state) else NumberVector(numbers)
 
 
 class ExternalForce(Force):

@@ -4,8 +4,8 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import parameter, parameter_vector, wide_number
 from mpp_taichi.arithmetic.particle_update import wide_position
-from mpp_taichi.component import Vector, component, param
-from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.component import Particles, Vector, component, param
+from mpp_taichi.forces._base import ExternalForce, felt, felt_vector
 from mpp_taichi.types import Template
 
 
@@ -14,6 +14,7 @@ class UniformGravity(ExternalForce):
     """Uniform field, a = g; potential energy −m g·x, zero at the origin."""
 
     acceleration: Vector = param([0.0, 0.0, -9.81], strength=True, slider=True, unit="length time⁻²", help="acceleration g")
+    on: Particles = param(None, optional=True, help="the particle or group that feels the field; absent: every particle")
     needs = frozenset({"mass"})
     has_derivatives = True
     is_uniform = True
@@ -23,7 +24,7 @@ class UniformGravity(ExternalForce):
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """Return g."""
-        return parameter_vector(state, self.acceleration)
+        return felt_vector(state, i, self.on, parameter_vector(state, self.acceleration))
 
     @ti.func
     def derivatives(self, state: Template, i, time):
@@ -38,4 +39,4 @@ class UniformGravity(ExternalForce):
         for k in ti.static(range(state.dimensions)):
             pull = wide_number(state, parameter(state, self.acceleration[k]))
             result -= wide_number(state, state.mass[i]) * pull * position[k]
-        return result
+        return felt(state, i, self.on, result)

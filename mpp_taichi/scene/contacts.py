@@ -136,7 +136,7 @@ def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Fault
     for number, force in enumerate(spec.forces):
         if not force.flag("forces", "is_uniform"):
             known = ", ".join(component.marked("forces", "is_uniform"))
-            rule = f"cannot act here: between collisions {solver} knows no force but {known}"
+            rule = f"cannot act here: between collisions {solver} knows no force but {known}, of every particle"
             faults.add(force.location, f"forces[{number}].{force.name}", rule)
     if spec.springs:
         rule = f"cannot act here: between collisions {solver} knows no springs"

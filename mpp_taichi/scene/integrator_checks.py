@@ -36,6 +36,8 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(others)}")
     elif grouped := [force.label for force in spec.forces if force.parameters.get("between") is not None]:
         faults.add(place, key, f"takes forces between all bodies ({reason}), not {', '.join(grouped)} with between:")
+    elif partial := [force.label for force in spec.forces if force.parameters.get("on") is not None]:
+        faults.add(place, key, f"takes forces on all bodies ({reason}), not {', '.join(partial)} with on:")
     elif not spec.forces:
         faults.add(place, key, f"needs {', '.join(known)}: {reason}")
     elif len(attractions) > 1:

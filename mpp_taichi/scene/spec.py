@@ -64,6 +64,8 @@ class ComponentSpec:
         """
         if kind == "forces" and self.law is not None and key in self.law.flags:
             return self.law.flags[key]
+        if key == "is_uniform" and self.parameters.get("on") is not None:  # the same for all that feel it, and not for all
+            return False
         return component.flag(kind, self.name, key)
 
 
