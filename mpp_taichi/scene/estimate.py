@@ -1,5 +1,6 @@
 """Estimate: the memory and the work of a scene, before anything is allocated."""
 
+import math
 from dataclasses import dataclass
 
 from mpp_taichi.errors import CapacityError
@@ -7,6 +8,7 @@ from mpp_taichi.scene import timeline
 from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.pair_forces import is_pair_force
+from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 from mpp_taichi.wording.told_apart import told_apart
@@ -26,7 +28,8 @@ class Estimate:
 
     bytes                              host memory while the scene is assembled and copied to the device, an upper bound
     pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits; with a tree, about
-                                       the number of nodes and bodies that it visits
+                                       the number of nodes and bodies that it visits; in a periodic box about the number of
+                                       pairs within the cutoff, at an even density
     steps                              None where the scene does not end by itself
     """
 
@@ -51,9 +54,20 @@ def estimate(spec: SceneSpec) -> Estimate:
         bytes=particles * (BYTES_PER_PARTICLE + (BYTES_PER_PARTICLE_OF_A_TREE if by_tree else 0))
         + springs * BYTES_PER_SPRING
         + sum(estimate(event.scene).bytes for event in spec.timeline),  # every phase stays, for a restart
-        pair_interactions_per_evaluation=min(pairs, VISITS_OF_A_TREE * particles) if by_tree else pairs,
+        pair_interactions_per_evaluation=min(pairs, VISITS_OF_A_TREE * particles) if by_tree else _near(spec, pairs),
         steps=_steps(spec),
     )
+
+
+def _near(spec: SceneSpec, pairs: int) -> int:
+    """Of so many ordered pairs about the number within the cutoff, where pair forces act through the faces of a box."""
+    if not acts_across_faces(spec):
+        return pairs
+    box = next(wall for wall in spec.walls if wall.flag("walls", "repeats"))
+    volume = math.prod(box.parameters["upper"][k] - box.parameters["lower"][k] for k in range(spec.dimensions))
+    reach = max(force.law.fixed_reach for force in spec.forces if is_pair_force(force.name))
+    ball = math.pi * reach**2 if spec.dimensions == 2 else 4.0 / 3.0 * math.pi * reach**3
+    return round(pairs * min(1.0, ball / volume))
 
 
 def check_capacity(needed: Estimate) -> None:

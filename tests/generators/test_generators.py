@@ -518,6 +518,15 @@ def test_the_estimate_counts_pairs_only_where_a_pair_force_acts():
     assert estimate(with_gravity).pair_interactions_per_evaluation == 64 * 63
 
 
+def test_the_estimate_counts_pairs_within_the_cutoff_in_a_periodic_box():
+    force = {"lennard_jones": {"strength": 1, "length": 1, "cutoff": 2.0}}
+    box = {"periodic_box": {"lower": [0, 0, 0], "upper": [10, 10, 10]}}
+    gas = {"gas": {"count": 500, "lower": [0, 0, 0], "upper": [10, 10, 10], "radius": 0, "mass": 1, "speed": 1}}
+    found = estimate(load_scene(scene([gas], forces=[force], walls=[box])))
+    share = 4 / 3 * np.pi * 2.0**3 / 1000
+    assert found.pair_interactions_per_evaluation == pytest.approx(500 * 499 * share, rel=1e-5)
+
+
 @pytest.mark.parametrize("duration, dt, steps", [(1, 0.1, 10), (1, 0.3, 4), (0.3, 0.1, 3), (365.25, 0.03, 12175), (1, 1, 1)])
 def test_the_estimate_counts_whole_steps(duration, dt, steps):
     spec = load_scene(scene([body()], run={"duration": duration}, integrator={"leapfrog": {"dt": dt}}))
