@@ -524,7 +524,7 @@ def test_the_estimate_counts_pairs_within_the_cutoff_in_a_periodic_box():
     gas = {"gas": {"count": 500, "lower": [0, 0, 0], "upper": [10, 10, 10], "radius": 0, "mass": 1, "speed": 1}}
     found = estimate(load_scene(scene([gas], forces=[force], walls=[box])))
     share = 4 / 3 * np.pi * 2.0**3 / 1000
-    assert found.pair_interactions_per_evaluation == pytest.approx(500 * 499 * share, rel=1e-5)
+    assert found.pair_interactions_per_evaluation == round(500 * 499 * share)
 
 
 @pytest.mark.parametrize("duration, dt, steps", [(1, 0.1, 10), (1, 0.3, 4), (0.3, 0.1, 3), (365.25, 0.03, 12175), (1, 1, 1)])
