@@ -110,7 +110,7 @@ class CompiledForces:
 
     def powers(self):
         """Power dissipated and power of the driving forces, where the particles are now."""
-        meter = PowerMeter(self.state, self.total_force, in_kernel=False)
+        meter = PowerMeter(self.state, self.total_force, self.mass, in_kernel=False)
         meter.keep(0, TIME)
         return meter.kept(1)[0, :2]
 
