@@ -163,9 +163,9 @@ class TotalForce:
     def gains_no_energy(self) -> bool:
         """Whether every force has a potential or brakes, so that energy must not grow.
 
-        A force without a potential counts as a brake where it depends on velocity, and as a drive where it does not.
+        Drag and friction brake; other forces without a potential, and formulas of the velocity, may give energy.
         """
-        return all(force.conserves_energy or force.depends_on_velocity for force in self.forces)
+        return all(force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
 
     @property
     def needs(self) -> frozenset:

@@ -145,6 +145,21 @@ def test_friction_raises_no_alarm(integrator):
         assert watched(simulation, 7, steps=700) is None
 
 
+@pytest.mark.parametrize("integrator", ["rk4", "implicit_midpoint"])
+def test_a_formula_that_gives_energy_raises_no_alarm(integrator):
+    """Van der Pol's oscillator: from nearly nothing to its limit cycle, whose amplitude is near 2."""
+    scene = {
+        "particles": [{"body": {"mass": 1, "position": [1e-6, 0, 0]}}],
+        "forces": [{"external": {"acceleration": ["(1 - x^2)*vx - x", "0", "0"]}}],
+        "integrator": {integrator: {"dt": 0.01}},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        assert not simulation.phase.gains_no_energy
+        assert watched(simulation, 10, duration=60.0) is None
+        found = simulation.snapshot()
+    assert 1.0 < math.hypot(found.position[0, 0], found.velocity[0, 0]) < 3.0
+
+
 def test_a_fall_far_from_the_origin_raises_no_alarm_in_single_precision():
     """m g z = 1e7 is rounded by 0.6 while the first steps release 5e-5 of energy."""
     fall = {

@@ -78,6 +78,9 @@ def test_internal_forces_exert_no_torque(name):
     assert np.abs(torque.sum(0)).max() <= 40 * 2.0**-53 * np.abs(torque).sum()
 
 
+GIVE_AND_TAKE = ("tides", "schwarzschild")  # the energy of the moving particle alone is not theirs
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", FORCES)
 def test_forces_that_depend_on_velocity_take_energy_out(name):
@@ -92,7 +95,7 @@ def test_forces_that_depend_on_velocity_take_energy_out(name):
         assert abs(power) < 1e-13 * np.abs(acceleration).sum() and not np.array_equal(acceleration, still)
         expected = [0.0, 0.0]
     elif force.depends_on_velocity:
-        assert power < -1e-3
+        assert power < -1e-3 or (name in GIVE_AND_TAKE and abs(power) > 1e-3)
         expected = [-(total if family(name) == "FormulaField" else power), 0.0]
     else:
         assert np.array_equal(acceleration, still)
