@@ -1,9 +1,9 @@
 """Random numbers of a counter: the same number for the same counter, on every device and in any order.
 
 Philox4x32 with ten rounds makes four words of 32 bits from a counter of four words and a key of two. There is no state to be
-stored: a number depends on nothing but, say, the particle, the step and the seed, so that it is the same however a run is cut
-and on any number of threads. Source: Salmon, Moraes, Dror & Shaw, "Parallel random numbers: as easy as 1, 2, 3", Proc. SC11
-(2011), which gives the multipliers and the increments of the key below.
+stored: a number depends on its counter alone, such as the particle and the step, and on its key, the seed. Hence it is the
+same however a run is cut, and on any number of threads. Source: Salmon, Moraes, Dror & Shaw, "Parallel random numbers: as easy
+as 1, 2, 3", Proc. SC11 (2011), which gives the multipliers and the increments of the key below.
 """
 
 import math

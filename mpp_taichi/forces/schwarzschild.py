@@ -8,9 +8,9 @@ from mpp_taichi.forces._formula import FormulaField
 class Schwarzschild(FormulaField):
     """First post-Newtonian order about a mass at the origin, a = G M/(c² r³) ((4 G M/r − v²) r + 4 (r·v) v).
 
-    The equations of motion of a light body in harmonic coordinates. A pericentre turns by 6π G M/(c² a (1 − e²)) a revolution,
-    and a clock of the orbit runs as general relativity says to this order, which the potential `post_newtonian` between
-    particles does not. G M/(c² r) must be small. The Newtonian gravity of the star is no part of it.
+    The equations of motion of a light body in harmonic coordinates. A pericentre turns by 6π G M/(c² a (1 − e²)) a revolution.
+    Periods are those of general relativity to this order as well; the periods in the potential `post_newtonian` are not.
+    G M/(c² r) must be small. The Newtonian gravity of the star is no part of the force.
     Source: E. Poisson & C. Will, Gravity (2014), § 10.1; IERS Conventions (2010), § 10.3.
     """
 
