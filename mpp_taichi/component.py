@@ -229,9 +229,19 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
     annotation = ast.unparse(statement.annotation)
     if annotation not in PARAMETER_TYPES:
         raise TypeError(f"parameter {statement.target.id}: type {annotation} is none of {', '.join(PARAMETER_TYPES)}")
-    keywords = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords if keyword.arg}
-    default = ast.literal_eval(call.args[0]) if call.args else REQUIRED
+    keywords = {keyword.arg: _literal(keyword.value) for keyword in call.keywords if keyword.arg}
+    default = _literal(call.args[0]) if call.args else REQUIRED
     return Parameter(name=statement.target.id.removesuffix("_"), type=annotation, default=default, **keywords)
+
+
+def _literal(value: ast.expr) -> Any:
+    """A value of `param`, which is read without running the file."""
+    try:
+        return ast.literal_eval(value)
+    except ValueError:
+        raise ValueError(
+            f"line {value.lineno}: {ast.unparse(value)} must be written out, as a number, a text or None"
+        ) from None
 
 
 @cache

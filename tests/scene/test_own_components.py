@@ -160,6 +160,7 @@ def test_the_option_of_every_verb(own, tmp_path):
         (HARMONIC.replace("@component", ""), "no class Harmonic marked @component"),
         (HARMONIC.replace("class Harmonic(PairForce):", "class Harmonic(PairForce)"), "harmonic.py:9: expected ':'"),
         (HARMONIC.replace("stiffness: float", "stiffness: real"), "type real is none of float"),
+        (HARMONIC.replace("param(1.0", "param(2**3"), r"line \d+: 2 \*\* 3 must be written out, as a number, a text or None"),
         (HARMONIC.replace("import taichi as ti", "import taichi as ti\nimport nowhere"), "harmonic.py:3: ModuleNotFoundError"),
         (HARMONIC.replace("return inverse_distance /", "return nonsense /"), r"harmonic.py:\d+: .*nonsense"),
     ],
