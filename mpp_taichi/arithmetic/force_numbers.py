@@ -6,6 +6,7 @@ several copies of a system move together. The last two are the `number_kind` of 
 that run while a kernel is compiled.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import taichi as ti
@@ -13,7 +14,7 @@ import taichi as ti
 from mpp_taichi.arithmetic import double_single
 from mpp_taichi.arithmetic.double_single import DoubleSingle
 from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
-from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.arithmetic.traced import entry_of, traced
 
 
 def in_two_parts(state: Any) -> bool:
@@ -41,8 +42,19 @@ def parameter(state: Any, value: Any) -> Any:
 @traced
 def parameter_vector(state: Any, values: Any) -> Any:
     """The first components of a parameter of three components, as many as the state has dimensions."""
-    numbers = [parameter(state, values[k]) for k in range(state.dimensions)]
-    return ti.lang.matrix.make_matrix(numbers, float) if has_plain_numbers(state) else NumberVector(numbers)
+    return vector_of(state, [parameter(state, values[k]) for k in range(state.dimensions)])
+
+
+@traced
+def vector_of(state: Any, numbers: Sequence[Any]) -> Any:
+    """A vector of numbers of the kind of the state's forces."""
+    return ti.lang.matrix.make_matrix(list(numbers), float) if has_plain_numbers(state) else NumberVector(numbers)
+
+
+@traced
+def components(vector: Any, count: int) -> list[Any]:
+    """The first components of a vector, whatever the kind of its numbers is."""
+    return [vector[k] if isinstance(vector, NumberVector) else entry_of(vector, k) for k in range(count)]
 
 
 @traced

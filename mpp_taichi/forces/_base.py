@@ -9,9 +9,8 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import has_plain_numbers, where
-from mpp_taichi.arithmetic.kernel_number import NumberVector
-from mpp_taichi.arithmetic.traced import entry_of, traced
+from mpp_taichi.arithmetic.force_numbers import components, vector_of, where
+from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
 
@@ -68,9 +67,7 @@ def felt_vector(state: Any, i: Any, group: tuple[int, int] | None, vector: Any) 
     """`felt` for each component of a vector."""
     if group is None:
         return vector
-    inside, axes = is_in(state, i, group), range(state.dimensions)
-    numbers = [where(inside, vector[k] if isinstance(vector, NumberVector) else entry_of(vector, k), 0.0) for k in axes]
-    return ti.lang.matrix.make_matrix(numbers, float) if has_plain_numbers(state) else NumberVector(numbers)
+    return vector_of(state, [felt(state, i, group, each) for each in components(vector, state.dimensions)])
 
 
 class ExternalForce(Force):

@@ -5,12 +5,20 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import has_plain_numbers, is_not_zero, parameter, where, wide_number, zero_vector
+from mpp_taichi.arithmetic.force_numbers import (
+    components,
+    is_not_zero,
+    parameter,
+    vector_of,
+    where,
+    wide_number,
+    zero_vector,
+)
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic, number_like
-from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
+from mpp_taichi.arithmetic.kernel_number import KernelNumber
 from mpp_taichi.arithmetic.particle_update import position_seen, velocity_seen, wide_position
 from mpp_taichi.arithmetic.traced import entry_of, traced
-from mpp_taichi.forces._base import ExternalForce, PairForce, is_in
+from mpp_taichi.forces._base import ExternalForce, PairForce, felt, felt_vector
 from mpp_taichi.scene.formulas.external_law import MOTION, PLACE, PUSH, ExternalLaw
 from mpp_taichi.scene.formulas.pair_law import QUANTITIES, PairLaw
 
@@ -114,7 +122,7 @@ class FormulaField(ExternalForce):
             return [jerk, zero_vector(state)]
         push = entry_of(state.estimate, i)
         values |= dict.fromkeys(PUSH[state.dimensions :], parameter(state, 0.0))
-        values |= {name: _component(push, k) for k, name in enumerate(PUSH[: state.dimensions])}
+        values |= dict(zip(PUSH, components(push, state.dimensions)))
         return [jerk, self._vector(state, i, self.law.snap, values)]
 
     @traced
@@ -127,15 +135,14 @@ class FormulaField(ExternalForce):
         values |= {name: wide_number(state, entry_of(getattr(state, QUANTITIES[name]), i)) for name in names}
         values |= {name: wide_number(state, parameter(state, getattr(self, at))) for name, at in self.live.items()}
         energy = ti.cast(self.law.energy.run(KernelArithmetic, values, 0.0)[0], state.wide)
-        return energy if self.on is None else ti.select(is_in(state, i, self.on), energy, 0.0)
+        return felt(state, i, self.on, energy)
 
     def _values(self, state: Any, i: Any, velocity: Any, time: Any) -> dict[str, Any]:
         used = self.law.acceleration.names | self.law.jerk.names | self.law.snap.names
-        axes = range(state.dimensions)
         values = {
-            name: _component(vector, k)
+            name: number
             for names, vector in ((PLACE, position_seen(state, i)), (MOTION, velocity))
-            for k, name in zip(axes, names)
+            for name, number in zip(names, components(vector, state.dimensions))
         }
         missing = {*PLACE[state.dimensions :], *MOTION[state.dimensions :]} & used
         values |= {name: parameter(state, 0.0) for name in missing}
@@ -148,11 +155,4 @@ class FormulaField(ExternalForce):
         one = parameter(state, 1.0)
         found = program.run(KernelArithmetic, values, one)[: state.dimensions]
         numbers = [one * each if isinstance(each, float) else each for each in found]
-        if self.on is not None:
-            felt = is_in(state, i, self.on)
-            numbers = [where(felt, each, 0.0) for each in numbers]
-        return NumberVector(numbers) if not has_plain_numbers(state) else ti.lang.matrix.make_matrix(numbers, float)
-
-
-def _component(vector: Any, k: int) -> Any:
-    return vector[k] if isinstance(vector, NumberVector) else entry_of(vector, k)
+        return felt_vector(state, i, self.on, vector_of(state, numbers))

@@ -49,7 +49,6 @@ class Integrator:
     takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
     draws_random         changes velocities by random numbers in the middle of each drift (`meet_bath`): its motions have no
                          error that could be measured, and no tangent
-    conserves_energy, gains_no_energy  but for the error of the method; False with a bath of heat
     takes_rods           keeps the lengths of rigid rods, and its order with them
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
@@ -96,8 +95,6 @@ class Integrator:
     flies = False
     takes_sliders = True
     draws_random = False
-    conserves_energy = True
-    gains_no_energy = True
     takes_rods = False
     takes_any_numbers = False
     takes_tangent = False

@@ -1,12 +1,14 @@
 """Turning: the exact change of the velocity in a kick where forces only turn it, as a magnetic field does."""
 
+from functools import reduce
+from operator import add
 from typing import Any
 
 import taichi as ti
 
 from mpp_taichi.arithmetic.elementary_functions import are_precise, elementary
-from mpp_taichi.arithmetic.force_numbers import has_plain_numbers, is_above_zero, parameter_vector, root, where
-from mpp_taichi.arithmetic.kernel_number import KernelNumber, NumberVector
+from mpp_taichi.arithmetic.force_numbers import components, is_above_zero, parameter_vector, root, vector_of, where
+from mpp_taichi.arithmetic.kernel_number import KernelNumber
 from mpp_taichi.arithmetic.particle_update import velocity_seen
 from mpp_taichi.arithmetic.traced import entry_of, traced
 
@@ -44,16 +46,16 @@ def turned_acceleration(state: Any, total_force: Any, i: Any, time: Any, h: Any,
         free = [entry_of(entry_of(state.free, i), k) for k in range(dimensions)]
         turn = [where(_all_free(free, k), each, 0.0) for k, each in enumerate(turn, AXES - len(turn))]
         at_rest = [where(each != 0.0, push, 0.0) for each, push in zip(free, at_rest)]
-    velocity = _components(velocity_seen(state, i), dimensions)
-    others = _components(still, dimensions)
+    velocity = components(velocity_seen(state, i), dimensions)
+    others = components(still, dimensions)
     across = _cross(velocity, turn)
     start = [_kept(other + push + side) for other, push, side in zip(others, at_rest, across)]
-    square = _kept(h * h * _sum([each * each for each in turn]))
+    square = _kept(h * h * reduce(add, [each * each for each in turn]))
     by_cosine, by_sine = _rotation(square)
     first, second = _kept(h * by_cosine), _kept(h * h * by_sine)
     once = [_kept(each) for each in _cross(start, turn)]
     twice = _cross(once, turn)
-    return _vector(state, [a + first * b + second * c for a, b, c in zip(start, once, twice)])
+    return vector_of(state, [a + first * b + second * c for a, b, c in zip(start, once, twice)])
 
 
 def _units(state: Any) -> list[Any]:
@@ -65,8 +67,8 @@ def _units(state: Any) -> list[Any]:
 def _push(state: Any, total_force: Any, i: Any, time: Any, velocity: Any) -> list[Any]:
     """The acceleration by all forces that depend on velocity, at a velocity."""
     found = [force.accelerate(state, i, velocity, time) for force in total_force.external if force.depends_on_velocity]
-    each = [_components(one, state.dimensions) for one in found]
-    return [_kept(_sum(list(parts))) for parts in zip(*each)]
+    each = [components(one, state.dimensions) for one in found]
+    return [_kept(reduce(add, parts)) for parts in zip(*each)]
 
 
 def _cross(vector: list[Any], turn: list[Any]) -> list[Any]:
@@ -96,21 +98,6 @@ def _rotation(square: Any) -> tuple[Any, Any]:
 def _all_free(free: list[Any], axis: int) -> Any:
     first, second = (entry for k, entry in enumerate(free) if k != axis)
     return first * second != 0.0
-
-
-def _components(vector: Any, dimensions: int) -> list[Any]:
-    return [vector[k] if isinstance(vector, NumberVector) else entry_of(vector, k) for k in range(dimensions)]
-
-
-def _vector(state: Any, numbers: list[Any]) -> Any:
-    return ti.lang.matrix.make_matrix(numbers, float) if has_plain_numbers(state) else NumberVector(numbers)
-
-
-def _sum(numbers: list[Any]) -> Any:
-    result = numbers[0]
-    for each in numbers[1:]:
-        result = result + each
-    return result
 
 
 def _kept(number: Any) -> Any:

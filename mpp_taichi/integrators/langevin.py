@@ -41,15 +41,14 @@ class Langevin(Splitting):
     order = 2
     moves_forward_alone = True
     draws_random = True
-    conserves_energy = False
-    gains_no_energy = False
     symplectic = False
     time_reversible = False
     takes_low_parts = False
     takes_rods = False
     takes_any_numbers = False
     needs = frozenset({"mass"})
-    memory = ("acceleration", "noise_step", "heat_taken", "mixing")
+    memory = ("acceleration", "noise_step", "heat_taken")
+    _mixed_for: float | None = None  # the step for which the field `mixing` was filled
     drifts, kicks = (1.0,), (0.5, 0.5)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
@@ -67,10 +66,13 @@ class Langevin(Splitting):
         Raises:
             UnsupportedError: dt is negative.
         """
+        if dt == self._mixed_for:
+            return
         if dt < 0.0:
             raise UnsupportedError("langevin takes no steps backwards: heat does not flow back")
         spread = math.sqrt(-math.expm1(-2.0 * self.friction * dt) * self.temperature)
         state.mixing.from_numpy(np.tile((math.exp(-self.friction * dt), spread), state.replica_count))
+        self._mixed_for = dt
 
     def heat(self, state: Any) -> float:
         """Energy that the bath has given to the particles of the first replica since the fields were made [energy]."""

@@ -1,5 +1,6 @@
 """Distribution: the histogram of a quantity that every particle has, beside the distribution that theory gives."""
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -17,21 +18,34 @@ REACH = 3.0  # of a histogram of speeds at least, in units of b; beyond it are 1
 ROOM = 0.05  # of the span, beyond the outermost values
 
 
+def theory_at(formula: Formula, time: float, x: float) -> float:
+    """A formula of theory at one time and one value of the quantity along x; NaN where it has no value."""
+    try:
+        with np.errstate(all="ignore"):
+            return float(formula(1, t=time, x=x)[0])
+    except ExpressionError:
+        return math.nan
+
+
 class Law(Protocol):
-    """A distribution by theory."""
+    """A distribution by theory; `has_reach` where the histogram is drawn from zero up to a `reach` at least."""
+
+    has_reach: bool
 
     def see(self, sample: RunSample, *, anew: bool) -> None:
         """Take what the law needs from a sample; `anew` forgets the samples before."""
 
-    def reach(self, snapshot: Snapshot) -> float | None:
-        """The size up to which the histogram is drawn at least; None where it is drawn around the values alone."""
+    def reach(self, snapshot: Snapshot) -> float:
+        """The size up to which the histogram is drawn at least."""
 
     def density(self, value: np.ndarray) -> np.ndarray:
         """The probability density at each value, per unit of the quantity."""
 
 
 class FormulaLaw:
-    """A density that is a formula over the time t and the quantity x."""
+    """A density that is a formula over the time t and the quantity x; the values alone decide what is drawn."""
+
+    has_reach = False
 
     def __init__(self, formula: Formula) -> None:
         """Keep the formula."""
@@ -41,19 +55,13 @@ class FormulaLaw:
         """Keep the time of the last sample."""
         self._time = sample.time
 
-    def reach(self, snapshot: Snapshot) -> None:
-        """The values alone decide."""
+    def reach(self, snapshot: Snapshot) -> float:
+        """None."""
+        return 0.0
 
     def density(self, value: np.ndarray) -> np.ndarray:
         """The formula; NaN, which is not drawn, where it has no value."""
-        return np.array([self._at(each) for each in value])
-
-    def _at(self, x: float) -> float:
-        try:
-            with np.errstate(all="ignore"):
-                return float(self._formula(1, t=self._time, x=x)[0])
-        except ExpressionError:
-            return np.nan
+        return np.array([theory_at(self._formula, self._time, each) for each in value])
 
 
 class MaxwellBoltzmann:
@@ -62,13 +70,15 @@ class MaxwellBoltzmann:
     Where masses differ it is the mean over the particles.
     """
 
+    has_reach = True
+
     def __init__(self, spec: SceneSpec, entry: ComponentSpec) -> None:
         """`entry` names the speed or the velocity whose distribution is drawn."""
         self._of, self._along, self._dimensions = entry.parameters["of"], entry.name == "velocity", spec.dimensions
         self._temperatures: list[float] = []
 
     def see(self, sample: RunSample, *, anew: bool) -> None:
-        """Note the temperature and the masses; the law is that of the mean temperature."""
+        """Note the temperature and the masses; the density is drawn for the mean of all temperatures that were noted."""
         if anew:
             self._temperatures.clear()
         temperature, self._masses, self._numbers = self._measure(sample.snapshot)
@@ -137,13 +147,14 @@ class Distribution:
     def _edges(self, values: np.ndarray, sample: RunSample) -> np.ndarray:
         """The edges of the bins so far; new edges, and a histogram that begins anew, where a value lies outside."""
         edges = self._plot.edges
-        reach = self._law.reach(sample.snapshot) if self._law is not None else None
         low, high = float(np.min(values, initial=0.0)), float(np.max(values, initial=0.0))
-        if reach is None and len(values):
+        law = self._law if self._law is not None and self._law.has_reach else None
+        if law is None and len(values):
             low, high = float(values.min()), float(values.max())
         if len(edges) and edges[0] <= low and high <= edges[-1]:
             return edges
-        if reach is not None:
+        if law is not None:
+            reach = law.reach(sample.snapshot)
             low, high = (min(low, -reach) if low < 0.0 else low), max(high, reach)
         room = ROOM * (high - low) or 0.5 * abs(high) or 0.5
         self._counts = None

@@ -1,16 +1,15 @@
 """Inspector: samples along a run of the quantities that a scene's `inspect:` names, as plots for its panels."""
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpp_taichi.plots import Curves, Histogram, Plot, Samples
 from mpp_taichi.quantities._base import Dimension, OfEach, Setting
-from mpp_taichi.recorders._distribution import Distribution, FormulaLaw, Law, MaxwellBoltzmann
+from mpp_taichi.recorders._distribution import Distribution, FormulaLaw, Law, MaxwellBoltzmann, theory_at
 from mpp_taichi.recorders._measured_columns import MeasuredColumns
 from mpp_taichi.recorders._simulation_sample import SimulationSample
-from mpp_taichi.scene.expressions import ExpressionError, Formula
+from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.human_units import TimeScale, symbol
 from mpp_taichi.scene.spec import ComponentSpec, PanelSpec
 
@@ -68,7 +67,7 @@ class Inspector:
         sample = SimulationSample(simulation)
         row = np.append(self._columns.measure(sample), self._step)
         for formula, x, column in self._theories:
-            row[column] = _value(formula, sample.time, row[x])
+            row[column] = theory_at(formula, sample.time, row[x])
         self.samples.add(row)
         for histogram in self._histograms:
             histogram.add(sample)
@@ -129,12 +128,3 @@ class Inspector:
             law = FormulaLaw(formula)
         self._histograms.append(Distribution(plot, quantity, panel.after, law))
         return plot
-
-
-def _value(formula: Formula, time: float, x: float) -> float:
-    """A theory at one moment; NaN where it has no value."""
-    try:
-        with np.errstate(all="ignore"):
-            return float(formula(1, t=time, x=x)[0])
-    except ExpressionError:
-        return math.nan

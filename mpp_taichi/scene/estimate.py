@@ -8,7 +8,7 @@ from mpp_taichi.scene import timeline
 from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.pair_forces import is_pair_force
-from mpp_taichi.scene.periodic_forces import acts_across_faces
+from mpp_taichi.scene.periodic_forces import box_of_pair_forces
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 from mpp_taichi.wording.told_apart import told_apart
@@ -61,9 +61,9 @@ def estimate(spec: SceneSpec) -> Estimate:
 
 def _near(spec: SceneSpec, pairs: int) -> int:
     """Of so many ordered pairs about the number within the cutoff, where pair forces act through the faces of a box."""
-    if not acts_across_faces(spec):
+    box = box_of_pair_forces(spec)
+    if box is None:
         return pairs
-    box = next(wall for wall in spec.walls if wall.flag("walls", "repeats"))
     volume = math.prod(box.parameters["upper"][k] - box.parameters["lower"][k] for k in range(spec.dimensions))
     reach = max(force.law.fixed_reach for force in spec.forces if is_pair_force(force.name))
     ball = math.pi * reach**2 if spec.dimensions == 2 else 4.0 / 3.0 * math.pi * reach**3

@@ -5,19 +5,25 @@ import math
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.pair_forces import is_pair_force
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+
+
+def box_of_pair_forces(spec: SceneSpec) -> ComponentSpec | None:
+    """The periodic box through whose faces pair forces of the scene act, or None."""
+    boxes = [wall for wall in spec.walls if wall.flag("walls", "repeats")]
+    return boxes[0] if boxes and any(is_pair_force(force.name) for force in spec.forces) else None
 
 
 def acts_across_faces(spec: SceneSpec) -> bool:
     """Whether pair forces of the scene act through the faces of a periodic box."""
-    return any(wall.flag("walls", "repeats") for wall in spec.walls) and any(is_pair_force(f.name) for f in spec.forces)
+    return box_of_pair_forces(spec) is not None
 
 
 def check_periodic_forces(spec: SceneSpec, faults: Faults) -> None:
     """Refuse pair forces in a periodic box that have no cutoff, or a cutoff beyond half of an edge, and unfit methods."""
-    if not acts_across_faces(spec):
+    box = box_of_pair_forces(spec)
+    if box is None:
         return
-    box = next(wall for wall in spec.walls if wall.flag("walls", "repeats"))
     lower, upper, axes = (box.parameters[name] for name in ("lower", "upper", "axes"))
     half = min((upper[k] - lower[k]) / 2.0 for k in range(spec.dimensions) if axes[k])
     for number, force in enumerate(spec.forces):

@@ -367,14 +367,14 @@ class CompiledPhase:
     @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential and no contact or bath takes energy, so that the total energy is constant."""
-        parts = (self.total_force, self.integrator, self.contacts)
-        return all(each is None or each.conserves_energy for each in parts)
+        contacts = self.contacts is None or self.contacts.conserves_energy
+        return self.total_force.conserves_energy and contacts and not self.integrator.draws_random
 
     @property
     def gains_no_energy(self) -> bool:
         """Whether no force, contact or bath adds energy, so that the total energy does not grow."""
-        parts = (self.total_force, self.integrator, self.contacts)
-        return all(each is None or each.gains_no_energy for each in parts)
+        contacts = self.contacts is None or self.contacts.gains_no_energy
+        return self.total_force.gains_no_energy and contacts and not self.integrator.draws_random
 
     @property
     def conserves_momentum(self) -> bool:

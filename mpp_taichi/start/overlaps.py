@@ -117,7 +117,7 @@ def bounced(surfaces: Sequence[Surface], snapshot: Snapshot, since: float) -> Sn
     position, speed = snapshot.position, np.linalg.norm(snapshot.velocity, axis=1)
     for surface in surfaces:
         depth, outward = surface_depth(surface, position, snapshot.radius, snapshot.time)
-        into = np.maximum(speed + np.linalg.norm(surface.velocity), 0.0) * since
+        into = (speed + np.linalg.norm(surface.velocity)) * since
         went_in = (depth > 0.0) & (depth <= into) & snapshot.free.any(axis=1)
         position = np.where(went_in[:, None], position + 2.0 * depth[:, None] * outward, position)
     return replace(snapshot, position=position)

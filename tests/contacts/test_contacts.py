@@ -247,7 +247,7 @@ FAULTS = [
     ({"contacts": {"hard_spheres": {"solver": "event_driven"}}}, "event_driven needs no integrator"),
     (
         {"integrator": {"rk4": {"dt": 0.1}}},
-        "langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
+        "goes with the integrators langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
     ),
     ({"integrator": {"event_driven": {}}}, "not event_driven"),
     (

@@ -450,7 +450,7 @@ FAULTS = [
     ({"contacts": {"hard_spheres": {"solver": "merging", "restitution": 0.5}}}, "restitution"),
     (
         {"integrator": {"rk4": {"dt": 0.1}}},
-        "langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
+        "goes with the integrators langevin, leapfrog, symplectic_euler, velocity_verlet, not rk4",
     ),
 ]
 

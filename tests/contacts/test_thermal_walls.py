@@ -22,15 +22,13 @@ def gas(solver="event_driven", *, dimensions=3, radius=0.0, temperature=KT, wall
     scene = {
         "dimensions": dimensions,
         "seed": 5,
-        "particles": [{"gas": {"name": "gas", "count": count, "lower": lower, "upper": upper, "radius": radius, "mass": MASS}}],
+        "particles": [
+            {"gas": {"count": count, "lower": lower, "upper": upper, "radius": radius, "mass": MASS, "temperature": 0.25}}
+        ],
         "walls": walls or [{"box": {"lower": lower, "upper": upper, "temperature": temperature}}],
         "contacts": {"hard_spheres": {"solver": solver}},
+        "integrator": {"event_driven" if solver == "event_driven" else "leapfrog": {"dt": 0.05}},
     }
-    scene["particles"][0]["gas"] |= {"temperature": 0.25}
-    if solver != "event_driven":
-        scene["integrator"] = {"leapfrog": {"dt": 0.05}}
-    else:
-        scene["integrator"] = {"event_driven": {"dt": 0.05}}
     return scene | more
 
 

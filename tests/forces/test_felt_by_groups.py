@@ -72,7 +72,7 @@ def test_copies_and_their_lanes_have_the_bits_of_a_single_run():
             {"integrator": {"event_driven": {"dt": 0.1}}, "contacts": {"hard_spheres": {"solver": "event_driven"}}},
             "knows no force but uniform_gravity, of every particle",
         ),
-        ({"forces": [{"uniform_gravity": {"on": "nobody"}}]}, "nobody"),
+        ({"forces": [{"uniform_gravity": {"on": "stranger"}}]}, "stranger"),
     ],
 )
 def test_what_needs_a_field_of_every_particle_refuses_it(more, message):

@@ -11,7 +11,7 @@ from mpp_taichi.contacts.events.deviation import Deviation
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.contacts.shared.restitution import restitution_after
-from mpp_taichi.contacts.shared.thermal_bounce import thermal_velocity
+from mpp_taichi.contacts.shared.thermal_bounce import off_wall
 from mpp_taichi.walls._surfaces import WallSurfaces
 
 # Contacts in a row of one sphere at the same floating-point time. More inelastic contacts than this are an inelastic
@@ -129,16 +129,10 @@ class Collision:
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
             found = impulse_between(n, v, velocity, inverse_mass, ti.Vector.zero(float, self.spheres.dimensions), e)
-            impulse, lost = found[0], found[2]
             if ti.static(self.follows_deviation):
-                self.deviation.wall(i, w, n, velocity, impulse, now)
-            self.spheres.velocity[i] = pushed(v, inverse_mass, n, impulse, found[1], 1)
-            if ti.static(self.walls.heats):
-                heat, seed = self.walls.temperature(w)
-                if heat >= 0.0:
-                    self.spheres.velocity[i], impulse, lost = thermal_velocity(
-                        i, n, v, velocity, inverse_mass, heat, seed, w, now
-                    )
+                self.deviation.wall(i, w, n, velocity, found[0], now)
+            after, impulse, lost = off_wall(self.walls, w, i, n, v, velocity, inverse_mass, found, now)
+            self.spheres.velocity[i] = after
             self.wall_count[None] += 1
             self.wall_impulse[account] += ti.cast(impulse, self.spheres.wide)
             self.dissipated[0] += ti.cast(lost, self.spheres.wide)

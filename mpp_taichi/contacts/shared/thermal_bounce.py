@@ -1,9 +1,26 @@
-"""Thermal walls: the velocity with which a sphere leaves a wall that has a temperature."""
+"""The velocity with which a sphere leaves a wall: a mirror, or a wall that has a temperature."""
 
 import taichi as ti
 from taichi.math import uvec2, uvec4
 
 from mpp_taichi.arithmetic.random_numbers import bits_of, normal_numbers, random_words
+from mpp_taichi.contacts.shared.impulse import pushed
+from mpp_taichi.types import Template
+
+
+@ti.func
+def off_wall(walls: Template, surface, i, n, v, wall_velocity, w, bounce, time):
+    """The velocity of sphere i after it has met a surface, the impulse on it along n, and the energy that the wall takes.
+
+    `bounce` is the result of `impulse_between` for this contact, which counts where the surface has no temperature; the other
+    arguments are those of `thermal_velocity`.
+    """
+    after, impulse, lost = pushed(v, w, n, bounce[0], bounce[1], 1), bounce[0], bounce[2]
+    if ti.static(walls.heats):
+        heat, seed = walls.temperature(surface)
+        if heat >= 0.0:
+            after, impulse, lost = thermal_velocity(i, n, v, wall_velocity, w, heat, seed, surface, time)
+    return after, impulse, lost
 
 
 @ti.func

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.contacts.shared.thermal_bounce import thermal_velocity
+from mpp_taichi.contacts.shared.thermal_bounce import off_wall
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
 
@@ -67,16 +67,11 @@ class PairRule:
         v, radius = self.played.velocity[i], self.slots.radius_of(i)
         _, n, w, nominal, account = self.walls.touched(surface, self.played.position[i], radius, time + t)
         e, elastic = self.memory.restitution(nominal, i, i, t)
-        result = self.bounce.wall_impulse(self.slots.index(i), n, v, w, e)
-        after = self.bounce.after(self.slots.index(i), v, n, result, 1)
-        if ti.static(self.walls.heats):
-            heat, seed = self.walls.temperature(surface)
-            if heat >= 0.0:
-                index = self.slots.index(i)
-                after, result[0], result[2] = thermal_velocity(
-                    index, n, v, w, self.bounce.inverse_mass_of(index), heat, seed, surface, time + t
-                )
+        index = self.slots.index(i)
+        bounce = self.bounce.wall_impulse(index, n, v, w, e)
+        inverse_mass = self.bounce.inverse_mass_of(index)
+        after, impulse, lost = off_wall(self.walls, surface, index, n, v, w, inverse_mass, bounce, time + t)
         self.played.velocity[i] = after
-        self.tally.add_wall(i, account, result[0], result[2], elastic)
-        if not result[0] > 0.0:
+        self.tally.add_wall(i, account, impulse, lost, elastic)
+        if not impulse > 0.0:
             self.tally.fail(i, 1)
