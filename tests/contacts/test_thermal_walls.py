@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from repeated_runs import run_with_a_way_back
 from scipy import stats
 
 from mpp_taichi import SceneError, Simulation
@@ -93,12 +94,7 @@ def test_the_bits_depend_neither_on_threads_nor_on_cuts(solver):
     scene = gas(solver, radius=0.02, count=500)
     whole = run(scene, 60)[0]
     with Simulation(scene, backend="cpu", precision="f64", threads=1) as simulation:
-        simulation.run(steps=17)
-        mark = simulation.bookmark()
-        simulation.run(steps=9)
-        simulation.go_back(mark)
-        simulation.run(steps=43)
-        assert np.array_equal(simulation.snapshot().velocity, whole.velocity)
+        assert np.array_equal(run_with_a_way_back(simulation, 17, 9, 43).velocity, whole.velocity)
     other = run(gas(solver, radius=0.02, count=500, walls=[{"box": scene["walls"][0]["box"] | {"seed": 9}}]), 60)[0]
     assert not np.array_equal(other.velocity, whole.velocity)
 

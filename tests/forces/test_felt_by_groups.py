@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from repeated_runs import assert_copies_have_the_bits_of
 
 from mpp_taichi import SceneError, Simulation
 from mpp_taichi.compare.numpy_reference import KNOWN_FORCES
@@ -57,11 +58,8 @@ def test_derivatives_of_a_field_that_a_group_feels():
 def test_copies_and_their_lanes_have_the_bits_of_a_single_run():
     forces = [{"uniform_gravity": {"acceleration": G, "on": "pair"}}, {"linear_drag": {"coefficient": 0.3, "on": "alone"}}]
     with Simulation(scene(forces), backend="cpu", precision="f64") as run:
-        start, single = run.start, run.run(steps=40).snapshot()
-    with Simulation(scene(forces), backend="cpu", precision="f64", replica_starts=[start] * 9) as run:
-        run.run(steps=40)
-        for position in run.state.read_replicas()[0]:
-            assert np.array_equal(position, single.position)
+        single = run.run(steps=40).snapshot()
+    assert_copies_have_the_bits_of(single, scene(forces), copies=9, steps=40)
 
 
 @pytest.mark.parametrize(

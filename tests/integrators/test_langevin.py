@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from repeated_runs import assert_copies_have_the_bits_of, run_with_a_way_back
 from scipy import linalg, stats
 
 from mpp_taichi import SceneError, Simulation
 from mpp_taichi.device.backends import start
 from mpp_taichi.errors import MppError, PrecisionError, UnsupportedError
 from mpp_taichi.scene.load import load_scene
-from mpp_taichi.start.assemble import assemble
 
 KT, GAMMA, MASS = 1.5, 0.7, 2.0
 FALSE_ALARM = 1e-6  # of each comparison of a random number with its mean
@@ -141,23 +141,14 @@ def test_the_bits_depend_neither_on_threads_nor_on_cuts_nor_on_other_copies(prec
     whole = run(scene, 60, precision=precision, plan="serial")
     for plan in ("serial", "parallel"):
         with Simulation(scene, backend="cpu", precision=precision, plan=plan) as simulation:
-            simulation.run(steps=23)
-            mark = simulation.bookmark()
-            simulation.run(steps=12)
-            simulation.go_back(mark)
-            simulation.run(steps=37)
-            assert np.array_equal(simulation.snapshot().position, whole.position)
-            assert np.array_equal(simulation.snapshot().velocity, whole.velocity)
+            found = run_with_a_way_back(simulation, 23, 12, 37)
+            assert np.array_equal(found.position, whole.position)
+            assert np.array_equal(found.velocity, whole.velocity)
 
 
 def test_copies_have_the_bits_of_a_single_run():
     scene = bath((2, 2, 2), forces=[TRAP])
-    single = run(scene, 40)
-    copies = [assemble(load_scene(scene))] * 3
-    with Simulation(scene, backend="cpu", precision="f64", replica_starts=copies) as simulation:
-        simulation.run(steps=40)
-        for position, velocity in zip(*simulation.state.read_replicas()):
-            assert np.array_equal(position, single.position) and np.array_equal(velocity, single.velocity)
+    assert_copies_have_the_bits_of(run(scene, 40), scene, copies=3, steps=40)
 
 
 def test_noise_is_not_repeated_by_another_phase_or_another_seed():

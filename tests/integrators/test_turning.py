@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from repeated_runs import assert_copies_have_the_bits_of
 from scipy.linalg import expm
 
 from mpp_taichi import Simulation
@@ -119,13 +120,9 @@ def test_only_forces_across_the_velocity_and_linear_in_it_turn(forces, turns):
 
 def test_copies_have_the_bits_of_a_single_run():
     scene = charge([MAGNET, ELECTRIC], dt=0.3)
-    copies = [assemble(load_scene(scene))] * 9
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
         single = simulation.run(steps=30).snapshot()
-    with Simulation(scene, backend="cpu", precision="f64", replica_starts=copies) as simulation:
-        simulation.run(steps=30)
-        for velocity in simulation.state.read_replicas()[1]:
-            assert np.array_equal(velocity, single.velocity)
+    assert_copies_have_the_bits_of(single, scene, copies=9, steps=30)
 
 
 def test_the_tangent_is_the_derivative_of_the_exact_kick():
