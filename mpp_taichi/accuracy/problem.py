@@ -189,6 +189,11 @@ def _check_methods(spec: SceneSpec) -> None:
     place = spec.integrator.location
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
+    for entry in spec.limited_springs:
+        raise SceneError(
+            f"{entry.location}: accuracy compares motions that are smooth, and springs that break or yield do so at a step: "
+            "run the scene with smaller steps instead"
+        )
     random = [spec.integrator] if spec.integrator.flag("integrators", "draws_random") else []
     for source in (*random, *spec.thermal_walls):
         raise SceneError(

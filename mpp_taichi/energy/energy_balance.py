@@ -17,7 +17,7 @@ class EnergyBalance:
     """Kinetic + potential + dissipated energy − work − heat = constant; a residual is the error of the method.
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
-                        that restitution or merging took in contacts [energy]
+                        that springs lost as they broke or yielded, and restitution or merging took in contacts [energy]
     work                W = ∫ Σ F·v dt over the other forces without a potential, the energy that `parameter_change` booked,
                         and the change of the potential energy by merging, which changes masses and places [energy]
     heat                Q, the energy that a bath of the method has given; there only where the method has a bath
@@ -42,6 +42,7 @@ class EnergyBalance:
         self._integral = RunningIntegral()
         self._booked = 0.0
         self._heat_elsewhere = 0.0  # of earlier phases, less the heat taken before the first sample
+        self._lost_before = 0.0  # by springs before the first sample
         self._step: int | None = None
         self._kinetic = 0.0
         self._largest_kinetic = 0.0
@@ -85,6 +86,7 @@ class EnergyBalance:
             if self._step is None:
                 self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
                 self._heat_elsewhere = -_heat(simulation.phase)
+                self._lost_before = simulation.phase.lost_by_springs
             self._take(simulation.time, powers)
             self._step = simulation.step_count
 
@@ -102,6 +104,7 @@ class EnergyBalance:
         """The present balance, to be shown beside `total_energy`."""
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
+        dissipated += simulation.phase.lost_by_springs - self._lost_before
         work = self.work + simulation.contact_report.potential_change
         heat = self._heat_elsewhere + _heat(simulation.phase)
         has_bath = simulation.phase.integrator.draws_random or heat != 0.0

@@ -72,15 +72,17 @@ class TotalForce:
         two_parts: bool = False,
         rods: Any = None,
         fewer: Any = None,
+        limits: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
         forces are no part of the sum: the methods that keep the lengths of rods apply them. `fewer` says by which sum over
-        fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are.
+        fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are. `limits` breaks springs (SpringLimits).
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
+        self.limits, self.has_limits = limits, limits is not None
         self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
@@ -132,12 +134,13 @@ class TotalForce:
 
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """The fields that the sum needs in the state: kind and count by name."""
-        return {**(self.rods.work_fields() if self.has_rods else {}), **(self.pair_sum.work_fields() if self.by_lists else {})}
+        owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits)
+        return {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
 
     @property
     def memory(self) -> tuple[str, ...]:
         """The fields of `work_fields` that a saved state has."""
-        return self.pair_sum.memory if self.by_lists else ()
+        return (*(self.pair_sum.memory if self.by_lists else ()), *(self.limits.memory if self.has_limits else ()))
 
     def begin(self, state: Any) -> None:
         """Forget what earlier sums have left."""
@@ -157,7 +160,7 @@ class TotalForce:
     @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy must be conserved."""
-        return all(force.conserves_energy for force in self.forces)
+        return not self.has_limits and all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
@@ -170,7 +173,7 @@ class TotalForce:
     @property
     def needs(self) -> frozenset:
         """Union of the needs of all forces."""
-        return frozenset().union(*(force.needs for force in self.forces), () if self.rods is None else self.rods.needs)
+        return frozenset().union(*(each.needs for each in (*self.forces, self.rods, self.limits) if each is not None))
 
     def pair_potentials(self, state: Any) -> np.ndarray:
         """Shares of the particles of the first replica in the potential energy of pairs that are summed in launches apart."""
@@ -283,6 +286,8 @@ class TotalForce:
     @ti.func
     def begin_sum(self, state: Template, first, time):
         """state.acceleration = external forces and springs."""
+        if ti.static(self.has_limits):
+            self.limits.meet(state, first, time)
         for i in range(first, first + self.particle_count):
             if ti.static(self.has_pairs_alone):
                 put_vector(state.acceleration, i, zero_vector(state))

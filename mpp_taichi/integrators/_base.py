@@ -50,6 +50,7 @@ class Integrator:
     draws_random         changes velocities by random numbers in the middle of each drift (`meet_bath`): its motions have no
                          error that could be measured, and no tangent
     takes_rods           keeps the lengths of rigid rods, and its order with them
+    takes_limits         evaluates the forces at places of the motion only, so that springs may break or yield there
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
     orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
@@ -96,6 +97,7 @@ class Integrator:
     takes_sliders = True
     draws_random = False
     takes_rods = False
+    takes_limits = False
     takes_any_numbers = False
     takes_tangent = False
     follows_deviation = False

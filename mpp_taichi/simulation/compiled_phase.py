@@ -11,7 +11,7 @@ from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device import backends
 from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
-from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.errors import BackendError
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
 from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
@@ -56,6 +56,7 @@ class CompiledPhase:
         # Taichi code is imported here and not before, and only the components that the scene names.
         from mpp_taichi.energy.energy_meter import EnergyMeter
         from mpp_taichi.forces._fewer_pairs import fewer_pairs
+        from mpp_taichi.forces._spring_limits import with_limits
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
@@ -76,8 +77,9 @@ class CompiledPhase:
         self.replica_count = self.copies * max(1, len(replica_starts))
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
+        limited, limits = with_limits(start, self.live.forces)
         self.total_force = TotalForce(
-            self.live.forces,
+            limited,
             start.particle_count,
             spec.dimensions,
             merges=start.merged_into is not None,
@@ -85,6 +87,7 @@ class CompiledPhase:
             two_parts=two_parts,
             rods=rods,
             fewer=fewer_pairs(self, forces, asked=plan),
+            limits=limits,
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(spec, start, self.total_force, device.precision)
@@ -106,6 +109,7 @@ class CompiledPhase:
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
             rods.fill(self.state)
+        self._place_springs(start)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
@@ -123,7 +127,7 @@ class CompiledPhase:
             tangent_meter=self.tangent,
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
-        self.launch_limit = self._steps_per_launch()
+        self.launch_limit = refusals.steps_per_launch(self.launcher, self.total_force, device, self.plan)
         self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
@@ -192,21 +196,6 @@ class CompiledPhase:
         solver.forces, solver.integrator = self.total_force, self.integrator
         return solver
 
-    def _steps_per_launch(self) -> int:
-        """Most steps that one launch may hold: software Vulkan stops the loops of a thread and says nothing."""
-        limit = self.device.probes.loop_limit
-        if limit is None:
-            return 2**31 - 1
-        in_one_launch = self.plan != "parallel"
-        longest = self.launcher.loop_iterations_per_step() if in_one_launch else self.total_force.longest_loop
-        if longest > limit:
-            raise CapacityError(
-                f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
-                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
-                "use --backend cpu or another plan"
-            )
-        return limit // longest if in_one_launch else 2**31 - 1
-
     @property
     def spec(self) -> SceneSpec:
         """The scene of the phase."""
@@ -241,9 +230,14 @@ class CompiledPhase:
         if starts:
             self.state.write_properties(starts)
         self.state.write_snapshots([replace(each, velocity=each.velocity * each.free) for each in starts or (start,)])
+        self._place_springs(start)
         if self.tangent is not None:
             self.tangent.begin()
         self._begin_afresh(dt, start.step)
+
+    def _place_springs(self, start: Snapshot) -> None:
+        if self.total_force.has_limits:
+            self.total_force.limits.place(self.state, start.springs)
 
     def take_restitution(self, spec: SceneSpec) -> None:
         """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""
@@ -255,6 +249,8 @@ class CompiledPhase:
         """Go on at this step from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
         if earlier is not self:
             self.state.take_over(earlier.state, self.particles.free)
+            if self.total_force.has_limits:
+                self.total_force.limits.take_over(self.state, earlier.state)
         self._begin_afresh(dt, step)
 
     def _begin_afresh(self, dt: float, step: int) -> None:
@@ -322,6 +318,8 @@ class CompiledPhase:
         position = position if self.phase.box is None else self.phase.box.inside(position)
         found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
         found = found if comoving is None else replace(found, comoving=comoving)
+        if self.total_force.has_limits:
+            found = replace(found, springs=self.total_force.limits.read(self.state, self.particles.springs))
         return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
 
     def snapshot_ahead(self, clock: Clock, offset: float) -> Snapshot:
@@ -375,6 +373,11 @@ class CompiledPhase:
         """Whether no force, contact or bath adds energy, so that the total energy does not grow."""
         contacts = self.contacts is None or self.contacts.gains_no_energy
         return self.total_force.gains_no_energy and contacts and not self.integrator.draws_random
+
+    @property
+    def lost_by_springs(self) -> float:
+        """Energy that springs have lost by breaking and yielding since they were placed [energy]."""
+        return self.total_force.limits.loss(self.state) if self.total_force.has_limits else 0.0
 
     @property
     def conserves_momentum(self) -> bool:

@@ -106,6 +106,8 @@ def why_alone(spec: SceneSpec) -> str:
         return "lists of neighbours are made by all threads for one copy"
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
+    if spec.limited_springs:
+        return "springs break and yield in one copy at a time"
     return ""
 
 
