@@ -43,7 +43,7 @@ class LatticeLinks(Network):
         None,
         optional=True,
         above=0.0,
-        help="elastic strain |l − L|/L beyond which the rest length follows the length; absent: it never yields",
+        help="elastic strain, of a longer or a shorter spring, beyond which the rest length follows; absent: none",
     )
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
     links_lattice = True

@@ -143,7 +143,9 @@ class SpringTypeSpec:
     ] = None
     breaks_at: Annotated[float | None, Number(above=0.0), Field(description="strain (l − L)/L at which a spring breaks")] = None
     yields_at: Annotated[
-        float | None, Number(above=0.0), Field(description="elastic strain |l − L|/L beyond which the rest length follows")
+        float | None,
+        Number(above=0.0),
+        Field(description="elastic strain, of a longer or a shorter spring, beyond which the rest length follows"),
     ] = None
     color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
