@@ -30,6 +30,8 @@ class Network(ABC):
 
     is_rigid = False  # True: makes rods in place of springs
 
+    bends = False  # True: makes hinges, of springs of which some have a negative stiffness
+
     @abstractmethod
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
         """The number of springs, found without making them."""

@@ -18,8 +18,10 @@ class SpringStrain(OfEach):
     between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
 
     def begin(self, setting: Setting) -> None:
-        """Find the springs."""
-        self._springs = chosen_springs(self.between, setting)
+        """Find the springs; beside springs with a rest length those without, as hinges have, are left out."""
+        found = chosen_springs(self.between, setting)
+        lasting = found[setting.start.springs.rest_length[found] > 0.0]
+        self._springs = lasting if len(lasting) else found
 
     def label(self, setting: Setting) -> str:
         """`strain of spring pivot–upper`."""
