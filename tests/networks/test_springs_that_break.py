@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import MadeUpSample
 from repeated_runs import run_with_a_way_back
 
-from mpp_taichi import SceneError, Simulation
+from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.errors import MppError, PrecisionError, UnsupportedError
+from mpp_taichi.quantities._base import NoResultError, Setting
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.views._base import Frame
@@ -231,6 +233,23 @@ def test_springs_of_several_kinds_are_joined():
     assert both.breaking_length.tolist() == [math.inf, 2.0] and both.have_limits
     assert not Springs.joined([plain, plain]).have_limits
     assert both.chosen([False, True]).breaking_length.tolist() == [2.0]
+
+
+def test_quantities_leave_broken_springs_out():
+    end = run(pair(), 500)
+    values = {}
+    for name, given in (("spring_strain", {"between": None}), ("spring_length", {"between": (0, 1)}), ("broken_springs", {})):
+        quantity = component.build("quantities", name, given)
+        quantity.begin(Setting(load_scene(pair()), end))
+        try:
+            values[name] = quantity.measure(MadeUpSample(end))
+        except NoResultError as reason:
+            values[name] = str(reason)
+    assert values == {
+        "spring_strain": f"the last of 1 springs broke at time {end.springs.broke_at[0]:.6g}",
+        "spring_length": f"the last of 1 springs broke at time {end.springs.broke_at[0]:.6g}",
+        "broken_springs": 1.0,
+    }
 
 
 @pytest.mark.parametrize(
