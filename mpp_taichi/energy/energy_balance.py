@@ -18,8 +18,9 @@ class EnergyBalance:
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
                         that restitution or merging took in contacts [energy]
-    work                W = ∫ Σ F·v dt over the other forces without a potential, the energy that `parameter_change` booked,
-                        and the change of the potential energy by merging, which changes masses and places [energy]
+    work                W = ∫ Σ F·v dt over the other forces without a potential, the work of the agents that move bodies on
+                        given paths, the energy that `parameter_change` booked, and the change of the potential energy by
+                        merging, which changes masses and places [energy]
     heat                Q, the energy that a bath of the method has given; there only where the method has a bath
     residual            E + D − W − Q − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D, |W| or |Q| so far: the scale of the residual, whatever the zero of the

@@ -71,16 +71,18 @@ class TotalForce:
         derivatives: int = 0,
         two_parts: bool = False,
         rods: Any = None,
+        paths: Any = None,
         fewer: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
-        forces are no part of the sum: the methods that keep the lengths of rods apply them. `fewer` says by which sum over
-        fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are.
+        forces are no part of the sum: the methods that keep the lengths of rods apply them. `paths` are the bodies on given
+        paths (DrivenBodies). `fewer` says by which sum over fewer than all pairs they are summed (_fewer_pairs.py).
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
+        self.paths, self.has_paths = paths, paths is not None
         self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
@@ -156,8 +158,8 @@ class TotalForce:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy must be conserved."""
-        return all(force.conserves_energy for force in self.forces)
+        """Whether every force has a potential, so that energy must be conserved; not where an agent moves bodies."""
+        return not self.has_paths and all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
@@ -165,7 +167,8 @@ class TotalForce:
 
         Drag and friction brake; other forces without a potential, and formulas of the velocity, may give energy.
         """
-        return all(force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
+        brakes = (force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
+        return not self.has_paths and all(brakes)
 
     @property
     def needs(self) -> frozenset:

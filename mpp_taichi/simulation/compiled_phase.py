@@ -17,6 +17,7 @@ from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
+from mpp_taichi.simulation.constraints import driven_ahead, driven_bodies_of, rods_of
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
@@ -65,15 +66,11 @@ class CompiledPhase:
         self.phase, self.work, self.device, self.replica_starts = phase, phase.work, device, replica_starts
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         two_parts = forces_have_low_parts(device.precision)
-        rods = None
-        if len(start.rods):
-            from mpp_taichi.solvers.rod_projection import RodProjection  # only for scenes that have rods
-
-            refusals.check_rods(spec, device)
-            rods = RodProjection(start, spec.dimensions)
+        rods = rods_of(spec, start, device)
         self.has_tangent = bool(tangent_quantities(spec))
         self.copies = copies_of(spec, start)
         self.replica_count = self.copies * max(1, len(replica_starts))
+        paths = driven_bodies_of(spec, start, device, plan=plan, replica_count=self.replica_count)
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
         self.total_force = TotalForce(
@@ -84,6 +81,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
             rods=rods,
+            paths=paths,
             fewer=fewer_pairs(self, forces, asked=plan),
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
@@ -240,7 +238,7 @@ class CompiledPhase:
         starts = [each for each in self.replica_starts for _ in range(self.copies)]
         if starts:
             self.state.write_properties(starts)
-        self.state.write_snapshots([replace(each, velocity=each.velocity * each.free) for each in starts or (start,)])
+        self.state.write_snapshots([replace(each, velocity=each.velocity * each.moving) for each in starts or (start,)])
         if self.tangent is not None:
             self.tangent.begin()
         self._begin_afresh(dt, start.step)
@@ -254,7 +252,7 @@ class CompiledPhase:
     def take_over(self, earlier: "CompiledPhase", dt: float, step: int) -> None:
         """Go on at this step from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
         if earlier is not self:
-            self.state.take_over(earlier.state, self.particles.free)
+            self.state.take_over(earlier.state, self.particles.moving)
         self._begin_afresh(dt, step)
 
     def _begin_afresh(self, dt: float, step: int) -> None:
@@ -337,7 +335,8 @@ class CompiledPhase:
             return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)
         now = self.snapshot(clock)
         place = now.position + now.velocity * offset
-        return now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
+        moved = now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
+        return driven_ahead(self.spec, moved) if offset != 0.0 else moved
 
     # Meters
 

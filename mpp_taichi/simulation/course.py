@@ -73,7 +73,7 @@ def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
             continue
         made = assemble(event.scene, placed_as=spec)
         particles = replace(
-            made, position=start.position, velocity=start.velocity * made.free, rods=_rods_of(phases[-1], made, event)
+            made, position=start.position, velocity=start.velocity * made.moving, rods=_rods_of(phases[-1], made, event)
         )
         phases.append(Phase(event.at, event.scene, particles, event.changes))
     return tuple(phases)

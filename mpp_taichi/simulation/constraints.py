@@ -1,0 +1,61 @@
+"""Constraints: the rigid rods and the bodies on given paths of a phase, as parts of its step."""
+
+from dataclasses import replace
+from typing import Any
+
+from mpp_taichi.device.backends import Device
+from mpp_taichi.errors import BackendError, PrecisionError
+from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation import refusals
+from mpp_taichi.snapshot import Snapshot
+
+
+def rods_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
+    """The solver that keeps the lengths of the rods; None for a scene without rods.
+
+    Raises:
+        UnsupportedError: the device is no CPU.
+    """
+    if not len(start.rods):
+        return None
+    from mpp_taichi.solvers.rod_projection import RodProjection  # only for scenes that have rods
+
+    refusals.check_rods(spec, device)
+    return RodProjection(start, spec.dimensions)
+
+
+def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: str, replica_count: int) -> Any:
+    """The bodies on given paths; None for a scene without such bodies.
+
+    Raises:
+        PrecisionError: the precision has low parts, which the places of such bodies lack, or the device lacks a function.
+        BackendError: copies of the system are to run side by side.
+    """
+    if not start.driven:
+        return None
+    from mpp_taichi.forces._driven_bodies import DrivenBodies  # only for scenes that have paths
+    from mpp_taichi.scene.formulas.path_law import path_law
+
+    laws = [path_law(entry.parameters["path"]) for _number, entry in spec.driven_entries]
+    if carries_low_parts(device.precision):
+        raise PrecisionError(
+            f"the places of bodies on a path have no low parts, so they cannot run in {device.precision}; use f64 or f32"
+        )
+    if called := [name for law in laws for name in law.functions if device.backend == "vulkan" and device.precision == "f64"]:
+        raise PrecisionError(f"a path calls {called[0]}, which vulkan has only in f32; use --precision f32 or --backend cpu")
+    if plan == "replicas" or replica_count > 1:
+        raise BackendError("the plan replicas has no bodies on a path; run one copy of the scene")
+    return DrivenBodies(start.driven, laws)
+
+
+def driven_ahead(spec: SceneSpec, moved: Snapshot) -> Snapshot:
+    """A snapshot between two steps, with bodies on paths where they are at its time."""
+    if not moved.driven:
+        return moved
+    from mpp_taichi.scene.formulas.path_law import path_law
+
+    position, velocity = moved.position.copy(), moved.velocity.copy()
+    for index, (_number, entry) in zip(moved.driven, spec.driven_entries, strict=True):
+        position[index], velocity[index] = path_law(entry.parameters["path"]).at(moved.time)
+    return replace(moved, position=position, velocity=velocity)
