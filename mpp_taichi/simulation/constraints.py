@@ -3,12 +3,18 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from mpp_taichi.device.backends import Device
-from mpp_taichi.errors import BackendError, PrecisionError
+from mpp_taichi.errors import BackendError, PrecisionError, StateError
 from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.snapshot import Snapshot
+
+OFF_THE_PATH = 1e-4
+"""Distance from a path, as a share of the largest coordinate, that the rounding of places and times to f32 cannot explain."""
 
 
 def rods_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
@@ -47,6 +53,29 @@ def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: 
     if plan == "replicas" or replica_count > 1:
         raise BackendError("the plan replicas has no bodies on a path; run one copy of the scene")
     return DrivenBodies(start.driven, laws)
+
+
+def check_on_paths(spec: SceneSpec, start: Snapshot) -> None:
+    """Refuse a state from which a run is to go on, where a body is not on its path, as after a change of the path.
+
+    Raises:
+        StateError: a body is farther from its path than rounding to f32 explains.
+    """
+    if not spec.driven_entries:
+        return
+    from mpp_taichi.scene.formulas.path_law import path_law
+
+    layout = layout_of(spec)
+    for number, entry in spec.driven_entries:
+        place, velocity = path_law(entry.parameters["path"]).at(start.time)
+        index = layout.starts[number]
+        if index >= start.particle_count:  # of another scene, which `continuing` refuses
+            return
+        distance = float(np.linalg.norm(start.position[index] - place))
+        scale = np.abs(place).max() + np.abs(velocity).max() * abs(start.time) + np.abs(start.position).max()
+        if not distance <= OFF_THE_PATH * scale:
+            where = f"at t = {start.time:g} the state has {layout.label(index)}"
+            raise StateError(f"{where} {distance:.3g} from its path: the path of the scene is another than that of the run")
 
 
 def driven_ahead(spec: SceneSpec, moved: Snapshot) -> Snapshot:
