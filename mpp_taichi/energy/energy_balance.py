@@ -42,6 +42,7 @@ class EnergyBalance:
         """Begin a new balance at the next sample."""
         self._integral = RunningIntegral()
         self._booked = 0.0
+        self._rods_elsewhere = 0.0  # work on rods in earlier phases, less the work before the first sample
         self._heat_elsewhere = 0.0  # of earlier phases, less the heat taken before the first sample
         self._step: int | None = None
         self._kinetic = 0.0
@@ -85,7 +86,7 @@ class EnergyBalance:
             powers = self._powers_now(simulation.time)
             if self._step is None:
                 self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
-                self._heat_elsewhere = -_heat(simulation.phase)
+                self._heat_elsewhere, self._rods_elsewhere = -_heat(simulation.phase), -_work_on_rods(simulation.phase)
             self._take(simulation.time, powers)
             self._step = simulation.step_count
 
@@ -104,6 +105,7 @@ class EnergyBalance:
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
         work = self.work + simulation.contact_report.potential_change
+        work += self._rods_elsewhere + _work_on_rods(simulation.phase)
         heat = self._heat_elsewhere + _heat(simulation.phase)
         has_bath = simulation.phase.integrator.draws_random or heat != 0.0
         return {
@@ -122,12 +124,18 @@ class EnergyBalance:
         """
         self.look(simulation)
         before = self._kinetic + simulation.energy_meter.potential_energy(simulation.time)
-        heat = _heat(simulation.phase)
+        heat, on_rods = _heat(simulation.phase), _work_on_rods(simulation.phase)
         yield
         self._heat_elsewhere += heat - _heat(simulation.phase)
+        self._rods_elsewhere += on_rods - _work_on_rods(simulation.phase)
         self._integral.cut()
         self._take(simulation.time, self._powers_now(simulation.time))
         self._booked += self._kinetic + simulation.energy_meter.potential_energy(simulation.time) - before
+
+
+def _work_on_rods(phase: Any) -> float:
+    """Work of the agents that move ends of rods, in this phase [energy]."""
+    return float(phase.total_force.rods.work(phase.state)) if phase.total_force.has_rods else 0.0
 
 
 def _heat(phase: Any) -> float:

@@ -42,14 +42,16 @@ class DrivenBodies:
         return [parameter(state, each) for each in found]
 
     @ti.func
-    def put(self, state: Template, first, time):
-        """Put each body of the copy that begins at particle `first` where it is at this time, with the velocity that it has."""
+    def put(self, state: Template, first, time, places: Template, velocities: Template):
+        """Give each body of the copy that begins at particle `first` the place and velocity of this time, or one of both."""
         for b in ti.static(range(self.count)):
             now = self.motion(state, b, time)
             i = first + ti.static(self.indices[b])
             for k in ti.static(range(state.dimensions)):
-                state.position[i][k] = now[k]
-                state.velocity[i][k] = now[state.dimensions + k]
+                if ti.static(places):
+                    state.position[i][k] = now[k]
+                if ti.static(velocities):
+                    state.velocity[i][k] = now[state.dimensions + k]
 
     @ti.func
     def power(self, state: Template, total_force: Template, mass: Template, time):

@@ -139,7 +139,7 @@ class TotalForce:
     @property
     def memory(self) -> tuple[str, ...]:
         """The fields of `work_fields` that a saved state has."""
-        return self.pair_sum.memory if self.by_lists else ()
+        return (*(self.pair_sum.memory if self.by_lists else ()), *(self.rods.memory if self.has_rods else ()))
 
     def begin(self, state: Any) -> None:
         """Forget what earlier sums have left."""

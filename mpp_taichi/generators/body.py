@@ -34,7 +34,7 @@ class Body(Generator):
     With a `path` the body is at x(t), and has the velocity x′(t), at every time t, and no force moves it; other particles feel
     it. The formulas may use the time t and the constants of the scene. The energy balance books the work of the agent that
     moves the body, of the power (m x″ − F)·x′, with F the force of all other particles and of the fields on it. Works with the
-    integrators that are made of drifts and kicks, whose order it keeps; refused beside contacts, rods, a periodic box and
+    integrators that are made of drifts and kicks, whose order it keeps; refused beside contacts, a periodic box and
     `move_to_center_of_mass`, with quantities that need a tangent, for copies side by side, and in f32c, ds and df64.
     """
 

@@ -118,6 +118,12 @@ class Splitting(Integrator):
         return tuple(parts)
 
     @property
+    def part_ends(self) -> tuple:
+        """The times of the step to which the two parts of the drift of each stage lead."""
+        parts = zip(self.entries, self.drift_parts, self.ends, strict=True)
+        return tuple((node + early if late != 0.0 else end, end) for (node, _kick, _drift), (early, late), end in parts)
+
+    @property
     def most_parts(self) -> int:
         """2 where some drift has two parts; else 1."""
         return 2 if any(late != 0.0 for _early, late in self.drift_parts) else 1
@@ -220,15 +226,15 @@ class Splitting(Integrator):
         if ti.static(total_force.has_rods):
             if ti.static(kick != 0.0):
                 self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
-            for part in ti.static(self.drift_parts[k]):
+            for part, end in ti.static(tuple(zip(self.drift_parts[k], self.part_ends[k]))):
                 if ti.static(part != 0.0):
-                    total_force.rods.drift(state, first, part * dt)
+                    total_force.rods.drift(state, total_force, first, part * dt, time, end * dt)
         elif ti.static(kick != 0.0):
             self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, drift != 0.0)
         elif ti.static(drift != 0.0):
             self.drift(state, total_force, first, k, drift * dt)
-        if ti.static(total_force.has_paths and drift != 0.0):
-            total_force.paths.put(state, first, time + self.ends[k] * dt)
+        if ti.static(total_force.has_paths and not total_force.has_rods and drift != 0.0):
+            total_force.paths.put(state, first, time + self.ends[k] * dt, True, True)
 
     @ti.func
     def kick_stage(
@@ -259,13 +265,13 @@ class Splitting(Integrator):
         sums = ti.static(self.sums(1, total_force))
         if ti.static(total_force.has_rods):
             self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, 0.0, sums, False)
-            total_force.rods.drift(state, first, early * dt)
+            total_force.rods.drift(state, total_force, first, early * dt, time, dt * (node + early))
             if ti.static(self.most_parts > 1):
-                total_force.rods.drift(state, first, late * dt)
+                total_force.rods.drift(state, total_force, first, late * dt, time, dt * end)
         else:
             self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, dt * drift, sums, True)
-        if ti.static(total_force.has_paths):
-            total_force.paths.put(state, first, time + dt * end)
+            if ti.static(total_force.has_paths):
+                total_force.paths.put(state, first, time + dt * end, True, True)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
@@ -311,7 +317,7 @@ class Splitting(Integrator):
                 if ti.static(drifts):
                     drift_particle(state, i, drift_time, 2 * k + 1)
         if ti.static(total_force.has_rods):
-            total_force.rods.project(state, first, state.velocity)
+            total_force.rods.project(state, first, state.velocity, 1.0)
         # The kicks of other particles read the positions, so the drift is a loop of its own.
         if ti.static(drifts and (sums or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
@@ -370,7 +376,8 @@ class Splitting(Integrator):
                 else:
                     state.scratch[s][i] = slope  # the velocity stays: the slopes of other particles read it
             if ti.static(total_force.has_rods and s < len(end) - 1):
-                total_force.rods.project(state, first, state.scratch[s])
+                # All slopes hold the first slope, and the weights of all slopes add up to 1.
+                total_force.rods.project(state, first, state.scratch[s], h * (1.0 if s == 0 else end[s]))
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, h, 2 * stage, state.scratch[0][i])

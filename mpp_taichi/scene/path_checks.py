@@ -17,6 +17,15 @@ MOST_DRIVEN = 64
 TIMES_TRIED = 1001  # from 0 to the end of the run, at which a path must have a place, a velocity and an acceleration
 
 
+def paths_of(spec: SceneSpec) -> list[Any]:
+    """The paths (PathLaw) of all bodies that are on one, in the order of the scene; SymPy is imported where there is one."""
+    if not spec.driven_entries:
+        return []
+    from mpp_taichi.scene.formulas.path_law import path_law
+
+    return [path_law(entry.parameters["path"]) for _number, entry in spec.driven_entries]
+
+
 def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse paths that are no finite numbers during the run, and all that bodies on paths do not go with."""
     if not spec.driven_entries:
@@ -37,8 +46,6 @@ def _reasons(spec: SceneSpec) -> Iterator[str]:
     """The parts of a scene in which a body cannot be on a path."""
     if spec.contacts is not None:
         yield "a body on a path cannot be beside contacts:, for it would have to push spheres that it meets"
-    if spec.rigid_entries:
-        yield f"a body on a path cannot be beside {spec.rods_named}, make them springs"
     for name in (wall.name for wall in spec.walls if wall.flag("walls", "repeats")):
         yield f"a body on a path cannot be in a {name}, whose faces it may cross"
     if spec.move_to_center_of_mass:

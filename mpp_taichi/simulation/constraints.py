@@ -9,6 +9,7 @@ from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import BackendError, PrecisionError, StateError
 from mpp_taichi.precision import carries_low_parts
 from mpp_taichi.scene.layout import layout_of
+from mpp_taichi.scene.path_checks import paths_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.snapshot import Snapshot
@@ -41,9 +42,8 @@ def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: 
     if not start.driven:
         return None
     from mpp_taichi.forces._driven_bodies import DrivenBodies  # only for scenes that have paths
-    from mpp_taichi.scene.formulas.path_law import path_law
 
-    laws = [path_law(entry.parameters["path"]) for _number, entry in spec.driven_entries]
+    laws = paths_of(spec)
     if carries_low_parts(device.precision):
         raise PrecisionError(
             f"the places of bodies on a path have no low parts, so they cannot run in {device.precision}; use f64 or f32"
@@ -63,11 +63,9 @@ def check_on_paths(spec: SceneSpec, start: Snapshot) -> None:
     """
     if not spec.driven_entries:
         return
-    from mpp_taichi.scene.formulas.path_law import path_law
-
     layout = layout_of(spec)
-    for number, entry in spec.driven_entries:
-        place, velocity = path_law(entry.parameters["path"]).at(start.time)
+    for (number, _entry), law in zip(spec.driven_entries, paths_of(spec), strict=True):
+        place, velocity = law.at(start.time)
         index = layout.starts[number]
         if index >= start.particle_count:  # of another scene, which `continuing` refuses
             return
@@ -82,9 +80,7 @@ def driven_ahead(spec: SceneSpec, moved: Snapshot) -> Snapshot:
     """A snapshot between two steps, with bodies on paths where they are at its time."""
     if not moved.driven:
         return moved
-    from mpp_taichi.scene.formulas.path_law import path_law
-
     position, velocity = moved.position.copy(), moved.velocity.copy()
-    for index, (_number, entry) in zip(moved.driven, spec.driven_entries, strict=True):
-        position[index], velocity[index] = path_law(entry.parameters["path"]).at(moved.time)
+    for index, law in zip(moved.driven, paths_of(spec), strict=True):
+        position[index], velocity[index] = law.at(moved.time)
     return replace(moved, position=position, velocity=velocity)

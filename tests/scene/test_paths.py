@@ -116,11 +116,6 @@ def scene(**more):
     }
 
 
-def test_rods_are_refused():
-    with pytest.raises(SceneError, match="a body on a path cannot be beside rods, make them springs"):
-        load_scene(scene(springs=[{"rod": {"between": [0, 1]}}]))
-
-
 def test_a_periodic_box_is_refused():
     pair = {"pair": {"potential": "exp(-r)", "cutoff": 1.0}}
     box = {"periodic_box": {"lower": [-2, -2, -2], "upper": [2, 2, 2]}}

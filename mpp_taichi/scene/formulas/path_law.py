@@ -44,6 +44,12 @@ class PathLaw:
         result[:, : self.dimensions] = found.reshape(2, self.dimensions)
         return result[0], result[1]
 
+    def acceleration_at(self, time: float) -> np.ndarray:
+        """x″ [length / time²] at a time, (3,)."""
+        result = np.zeros(3)
+        result[: self.dimensions] = self._numbers(self.change, np.array([time]))[self.dimensions :, 0]
+        return result
+
     def first_bad(self, times: np.ndarray) -> tuple[int, str, float] | None:
         """(axis, "x", "x′" or "x″", time) of the first of these times at which a number is not finite; None: all are."""
         rows = np.concatenate([self._numbers(self.motion, times), self._numbers(self.change, times)[self.dimensions :]])
