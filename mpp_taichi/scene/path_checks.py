@@ -12,7 +12,7 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
-MOST_DRIVEN = 64
+MOST_DRIVEN = 32
 """Bodies on paths in a scene: the formulas of each are a part of the kernels, which take longer to compile with each body."""
 TIMES_TRIED = 1001  # from 0 to the end of the run, at which a path must have a place, a velocity and an acceleration
 

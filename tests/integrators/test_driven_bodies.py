@@ -120,11 +120,13 @@ def test_bodies_are_on_their_paths_at_every_stage(name, plan):
         assert abs(node - 1.0) < 1e-14
 
 
+@pytest.mark.parametrize("damping", [0.0, DAMPING])
 @pytest.mark.parametrize("name", ["leapfrog", "velocity_verlet", "yoshida4"])
-def test_plans_agree(name):
+def test_plans_agree(name, damping):
+    """Without friction the parallel plan joins the steps of other scenes."""
     found = []
     for plan in ("serial", "parallel"):
-        with Simulation(shaken(name, 0.02), backend="cpu", plan=plan) as simulation:
+        with Simulation(shaken(name, 0.02, damping=damping), backend="cpu", plan=plan) as simulation:
             found.append(simulation.run(steps=60).snapshot().position)
     assert np.allclose(*found, rtol=0.0, atol=1e-12)
 
@@ -201,10 +203,8 @@ def test_a_path_goes_on_through_the_phases_of_a_timeline():
     )
     with Simulation(scene, backend="cpu") as simulation:
         simulation.run(steps=25)
-        before = simulation.snapshot()
-        simulation.begin_phase(1)
         assert simulation.phase_number == 1
-        assert np.array_equal(simulation.snapshot().velocity, before.velocity)
+        assert np.allclose(simulation.snapshot().velocity[[0, 3]], on_paths(simulation.time)[1], rtol=1e-13)
         simulation.run(steps=25)
         assert np.allclose(simulation.snapshot().position[[0, 3]], on_paths(simulation.time)[0], rtol=1e-13)
 
