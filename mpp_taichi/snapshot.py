@@ -3,8 +3,9 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,8 @@ ROD_ROUNDING = 1e-6
 PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
 SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+SPRING_LIMITS = {"breaking_length": math.inf, "yield_stretch": math.inf, "broke_at": math.inf}
+"""The arrays that only springs with limits have, and the value of a spring without a limit."""
 ROD_ARRAYS = ("between", "length", "color")
 _COMOVING_ARRAYS = ("origin", "drift", "elapsed", "position", "velocity")
 
@@ -31,6 +34,11 @@ class Springs:
     between      indices (i, j) of the two ends, shape (spring_count, 2)
     stiffness    D [force / length];  damping c [force / velocity];  rest_length [length], each (spring_count,)
     color        red, green, blue in 0…1, shape (spring_count, 3)
+
+    Only where some spring breaks or yields, else None, each (spring_count,):
+    breaking_length   length at which a spring breaks, infinite where it does not [length]
+    yield_stretch     stretch |l − L| beyond which the rest length L follows, infinite where it does not [length]
+    broke_at          time at which a spring broke, infinite while it is whole [time]
     """
 
     between: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
@@ -38,10 +46,44 @@ class Springs:
     damping: np.ndarray = field(default_factory=lambda: np.zeros(0))
     rest_length: np.ndarray = field(default_factory=lambda: np.zeros(0))
     color: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    breaking_length: np.ndarray | None = None
+    yield_stretch: np.ndarray | None = None
+    broke_at: np.ndarray | None = None
 
     def __len__(self) -> int:
         """Count the springs."""
         return len(self.between)
+
+    @property
+    def have_limits(self) -> bool:
+        """Whether some springs may break or yield."""
+        return self.broke_at is not None
+
+    @property
+    def breaking_times(self) -> np.ndarray:
+        """Times at which the broken springs broke, in their order [time]."""
+        return np.zeros(0) if self.broke_at is None else self.broke_at[np.isfinite(self.broke_at)]
+
+    @property
+    def whole(self) -> np.ndarray:
+        """False for a broken spring, shape (spring_count,)."""
+        return np.ones(len(self), bool) if self.broke_at is None else np.isinf(self.broke_at)
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays that there are, by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if getattr(self, each.name) is not None}
+
+    def chosen(self, keep: Any) -> "Springs":
+        """The springs for which `keep` is true."""
+        return Springs(**{name: values[keep] for name, values in self.arrays.items()})
+
+    @staticmethod
+    def joined(parts: Sequence["Springs"]) -> "Springs":
+        """The springs of several parts, one part after the other."""
+        limits = SPRING_LIMITS if any(part.have_limits for part in parts) else {}
+        own = [{**{name: np.full(len(part), value) for name, value in limits.items()}, **part.arrays} for part in parts]
+        return Springs(**{name: np.concatenate([each[name] for each in own]) for name in (*SPRING_ARRAYS, *limits)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,13 +202,16 @@ class Snapshot:
             raise StateError("the state holds numbers that are not finite")
         made = start.moved(position=self.position, velocity=self.velocity * start.moving, time=self.time, step=self.step)
         made = replace(made, comoving=self.comoving)
+        if start.springs.have_limits and self.springs.have_limits:
+            springs = replace(start.springs, rest_length=self.springs.rest_length, broke_at=self.springs.broke_at)
+            made = replace(made, springs=springs)
         return replace(made, **{key: getattr(self, key) for key in MERGED_ARRAYS}) if merges else made
 
     def save(self, path: str | Path) -> None:
         """Write `.npz` (no pickles) by way of a temporary file, so that a crash leaves the old file whole."""
         path = Path(path)
         arrays = {key: getattr(self, key) for key in PARTICLE_ARRAYS}
-        arrays |= {f"spring_{key}": getattr(self.springs, key) for key in SPRING_ARRAYS}
+        arrays |= {f"spring_{key}": values for key, values in self.springs.arrays.items()}
         if len(self.rods):
             arrays |= {f"rod_{key}": getattr(self.rods, key) for key in ROD_ARRAYS}
         if self.merged_into is not None:
@@ -187,7 +232,8 @@ class Snapshot:
         try:
             with np.load(path, allow_pickle=False) as data:
                 meta = json.loads(str(data["meta"]))
-                springs = Springs(**{key: data[f"spring_{key}"] for key in SPRING_ARRAYS})
+                limits = [key for key in SPRING_LIMITS if f"spring_{key}" in data]
+                springs = Springs(**{key: data[f"spring_{key}"] for key in (*SPRING_ARRAYS, *limits)})
                 arrays = {key: data[key] for key in PARTICLE_ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
                 if "rod_between" in data:
@@ -206,7 +252,8 @@ class Snapshot:
         if version != FORMAT_VERSION:
             raise ValueError(f"its format is version {version}, this program reads version {FORMAT_VERSION}")
         count, links, bars = np.size(self.mass), np.size(self.springs.stiffness), np.size(self.rods.length)
-        owners = ((self, PARTICLE_ARRAYS, count), (self.springs, SPRING_ARRAYS, links), (self.rods, ROD_ARRAYS, bars))
+        of_springs = (*SPRING_ARRAYS, *(SPRING_LIMITS if self.springs.have_limits else ()))
+        owners = ((self, PARTICLE_ARRAYS, count), (self.springs, of_springs, links), (self.rods, ROD_ARRAYS, bars))
         for owner, keys, rows in owners:
             for key in keys:
                 array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))
@@ -215,8 +262,8 @@ class Snapshot:
         for key in ("mass", "radius"):
             if np.any(getattr(self, key) < 0):
                 raise ValueError(f"{key} of particle {int(np.argmax(getattr(self, key) < 0))} is below 0")
-        if np.any(self.springs.stiffness < 0):
-            raise ValueError(f"stiffness of spring {int(np.argmax(self.springs.stiffness < 0))} is below 0")
+        if not np.isfinite(self.springs.stiffness).all():
+            raise ValueError(f"stiffness of spring {int(np.argmin(np.isfinite(self.springs.stiffness)))} is not finite")
         into = self.merged_into
         if into is not None and not (into.shape == (count,) and into.dtype.kind == "i" and (into < count).all()):
             raise ValueError("merged_into does not name particles")

@@ -112,6 +112,8 @@ def _reason(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str)
         return "an accuracy whose method is still to be chosen"
     if snapshot.merged_into is not None:
         return "spheres that merge"
+    if snapshot.springs.have_limits:
+        return "springs that break or yield"
     if spec.integrator.name not in INTEGRATORS:
         offer = _offer(spec, snapshot, device, precision)
         return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}{offer}"

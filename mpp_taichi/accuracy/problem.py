@@ -191,6 +191,11 @@ def _check_methods(spec: SceneSpec) -> None:
         raise SceneError(f"{entry.location}: accuracy compares methods of which most do not move bodies on a path")
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
+    for entry in spec.limited_springs:
+        raise SceneError(
+            f"{entry.location}: accuracy compares motions that are smooth, and springs that break or yield do so at a step: "
+            "run the scene with smaller steps instead"
+        )
     random = [spec.integrator] if spec.integrator.flag("integrators", "draws_random") else []
     for source in (*random, *spec.thermal_walls):
         raise SceneError(

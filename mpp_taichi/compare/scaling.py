@@ -17,6 +17,8 @@ DT = 1e-9  # [time]: nothing moves, so that every backend and size does the same
 
 def refusal(spec: SceneSpec) -> str | None:
     """The reason why no scenes like this one are generated; None where they are."""
+    if spec.limited_springs:
+        return "scenes with springs that break or yield are not generated"
     return "scenes with contacts are not generated" if spec.contacts is not None or spec.walls else None
 
 

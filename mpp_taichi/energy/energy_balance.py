@@ -17,7 +17,7 @@ class EnergyBalance:
     """Kinetic + potential + dissipated energy − work − heat = constant; a residual is the error of the method.
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
-                        that restitution or merging took in contacts [energy]
+                        that springs lost as they broke or yielded, and restitution or merging took in contacts [energy]
     work                W = ∫ Σ F·v dt over the other forces without a potential, the work of the agents that move bodies on
                         given paths, the energy that `parameter_change` booked, and the change of the potential energy by
                         merging, which changes masses and places [energy]
@@ -44,6 +44,7 @@ class EnergyBalance:
         self._booked = 0.0
         self._rods_elsewhere = 0.0  # work on rods in earlier phases, less the work before the first sample
         self._heat_elsewhere = 0.0  # of earlier phases, less the heat taken before the first sample
+        self._lost_before = 0.0  # by springs before the first sample
         self._step: int | None = None
         self._kinetic = 0.0
         self._largest_kinetic = 0.0
@@ -87,6 +88,7 @@ class EnergyBalance:
             if self._step is None:
                 self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
                 self._heat_elsewhere, self._rods_elsewhere = -_heat(simulation.phase), -_work_on_rods(simulation.phase)
+                self._lost_before = simulation.phase.lost_by_springs
             self._take(simulation.time, powers)
             self._step = simulation.step_count
 
@@ -104,6 +106,7 @@ class EnergyBalance:
         """The present balance, to be shown beside `total_energy`."""
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
+        dissipated += simulation.phase.lost_by_springs - self._lost_before
         work = self.work + simulation.contact_report.potential_change
         work += self._rods_elsewhere + _work_on_rods(simulation.phase)
         heat = self._heat_elsewhere + _heat(simulation.phase)

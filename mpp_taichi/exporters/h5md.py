@@ -123,8 +123,9 @@ def _write_fixed(group: Any, snapshot: Snapshot, moving: set[str]) -> None:
 
 
 def _write_springs(file: Any, group: Any, snapshot: Snapshot) -> None:
-    if len(snapshot.springs):
-        springs = file.create_dataset("connectivity/springs", data=snapshot.springs.between, dtype="i4")
+    between = snapshot.springs.between[snapshot.springs.whole]
+    if len(between):
+        springs = file.create_dataset("connectivity/springs", data=between, dtype="i4")
         springs.attrs["particles_group"] = group.ref
     if len(snapshot.rods):
         rods = file.create_dataset("connectivity/rods", data=snapshot.rods.between, dtype="i4")

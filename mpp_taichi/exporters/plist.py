@@ -29,6 +29,8 @@ def text(source: Source) -> str:
 
 def _springs(source: Source, rest: np.ndarray) -> Iterable[str]:
     springs = source.state.springs
+    if springs.have_limits:
+        raise source.refuse("a particle list has no springs that break or yield")
     if len(source.state.rods):
         raise source.refuse("a particle list has springs, and no rods")
     if not len(springs):

@@ -1,12 +1,11 @@
 """TotalForce: the sum of the forces of a scene, and the only owner of the loops over particles and springs."""
 
 import copy
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi import component
 from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, is_not_zero, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
@@ -18,38 +17,12 @@ from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.forces._between import parts_of
-from mpp_taichi.scene.formulas.laws import PREFIX, live_names
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
 
 # Half-springs of a particle in a vector: an SSE register in f32, two in f64; twice as many are no faster.
 ROW_LANE_BITS = 2
 ROW_LANES = 1 << ROW_LANE_BITS
-
-
-def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
-    """Import and build the forces that a scene names, and the force of its springs where it has springs."""
-    forces = [built(entry) for entry in spec.forces]
-    if len(snapshot.springs):
-        damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
-        damping = spec.spring_damping if damped else "none"
-        forces += [
-            component.build("forces", name, {"damping": damping}) for name in component.marked("forces", "acts_on_springs")
-        ]
-    return tuple(forces)
-
-
-def built(entry: ComponentSpec) -> Force:
-    """The force of an entry, with its law where the force is a formula."""
-    plain = {name: value for name, value in entry.parameters.items() if not name.startswith(PREFIX)}
-    force: Any = component.build("forces", entry.name, plain)
-    if entry.law is not None:
-        force.law, force.needs = entry.law, entry.law.needs
-        force.live = {name: at for name, at in live_names(entry).items() if name in entry.law.live}
-        vars(force).update(entry.law.flags)
-    return cast(Force, force)
 
 
 @ti.data_oriented
@@ -73,16 +46,19 @@ class TotalForce:
         rods: Any = None,
         paths: Any = None,
         fewer: Any = None,
+        limits: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
         forces are no part of the sum: the methods that keep the lengths of rods apply them. `paths` are the bodies on given
-        paths (DrivenBodies). `fewer` says by which sum over fewer than all pairs they are summed (_fewer_pairs.py).
+        paths (DrivenBodies). `fewer` says by which sum over fewer than all pairs they are summed (_fewer_pairs.py). `limits`
+        breaks springs (SpringLimits).
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
         self.paths, self.has_paths = paths, paths is not None
+        self.limits, self.has_limits = limits, limits is not None
         self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
         self.particle_count = particle_count
@@ -134,12 +110,14 @@ class TotalForce:
 
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """The fields that the sum needs in the state: kind and count by name."""
-        return {**(self.rods.work_fields() if self.has_rods else {}), **(self.pair_sum.work_fields() if self.by_lists else {})}
+        owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits)
+        return {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
 
     @property
     def memory(self) -> tuple[str, ...]:
         """The fields of `work_fields` that a saved state has."""
-        return (*(self.pair_sum.memory if self.by_lists else ()), *(self.rods.memory if self.has_rods else ()))
+        parts = (self.pair_sum if self.by_lists else None, self.limits, self.rods)
+        return tuple(name for part in parts if part is not None for name in part.memory)
 
     def begin(self, state: Any) -> None:
         """Forget what earlier sums have left."""
@@ -158,8 +136,8 @@ class TotalForce:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy must be conserved; not where an agent moves bodies."""
-        return not self.has_paths and all(force.conserves_energy for force in self.forces)
+        """Whether every force has a potential, so that energy is conserved; not where springs break or agents move bodies."""
+        return not (self.has_limits or self.has_paths) and all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
@@ -173,7 +151,7 @@ class TotalForce:
     @property
     def needs(self) -> frozenset:
         """Union of the needs of all forces."""
-        return frozenset().union(*(force.needs for force in self.forces), () if self.rods is None else self.rods.needs)
+        return frozenset().union(*(each.needs for each in (*self.forces, self.rods, self.limits) if each is not None))
 
     def pair_potentials(self, state: Any) -> np.ndarray:
         """Shares of the particles of the first replica in the potential energy of pairs that are summed in launches apart."""
@@ -286,6 +264,8 @@ class TotalForce:
     @ti.func
     def begin_sum(self, state: Template, first, time):
         """state.acceleration = external forces and springs."""
+        if ti.static(self.has_limits):
+            self.limits.meet(state, first, time)
         for i in range(first, first + self.particle_count):
             if ti.static(self.has_pairs_alone):
                 put_vector(state.acceleration, i, zero_vector(state))

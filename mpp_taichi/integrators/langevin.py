@@ -40,6 +40,7 @@ class Langevin(Splitting):
 
     order = 2
     moves_forward_alone = True
+    takes_limits = True
     draws_random = True
     symplectic = False
     time_reversible = False

@@ -15,6 +15,7 @@ class Leapfrog(Splitting):
     order = 2
     well_known = True
     moves_forward_alone = True
+    takes_limits = True
     default_of_kind = True
     proposed_for = ("tree", "oscillation")
     drifts, kicks = (0.5, 0.5), (1.0,)

@@ -16,5 +16,6 @@ class SymplecticEuler(Splitting):
     order = 1
     well_known = True
     moves_forward_alone = True
+    takes_limits = True
     drifts_after_kick = True
     drifts, kicks = (0.0, 1.0), (1.0,)

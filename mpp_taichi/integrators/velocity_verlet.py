@@ -14,4 +14,5 @@ class VelocityVerlet(Splitting):
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 2
     moves_forward_alone = True
+    takes_limits = True
     drifts, kicks = (1.0,), (0.5, 0.5)

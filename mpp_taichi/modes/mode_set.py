@@ -1,7 +1,7 @@
 """The modes of a scene that are followed, and the share of each mode in a motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from mpp_taichi.modes.linear_network import LinearNetwork, linearise
 from mpp_taichi.modes.spectrum import MOST_FREEDOMS, spectrum
 from mpp_taichi.scene.layout import Lattice, layout_of
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.assemble import rest_positions
 
 Numbers = tuple[int, int, int]
@@ -138,7 +138,7 @@ def _only(placed: Snapshot, lattice: Lattice) -> Snapshot:
     first, counts = lattice
     ends = placed.springs.between
     keep = ((ends >= first) & (ends < first + np.prod(counts))).any(axis=1)
-    return replace(placed, springs=Springs(**{each.name: getattr(placed.springs, each.name)[keep] for each in fields(Springs)}))
+    return replace(placed, springs=placed.springs.chosen(keep))
 
 
 def _by_theory(network: LinearNetwork, theory: LatticeTheory, show: Sequence[Numbers]) -> ModeSet:

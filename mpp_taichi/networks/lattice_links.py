@@ -36,6 +36,15 @@ class LatticeLinks(Network):
     )
     damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="damping c")
     prestretch: float = param(1.0, above=0.0, slider=True, help="length as placed, divided by the rest length")
+    breaks_at: float = param(
+        None, optional=True, above=0.0, help="strain (l − L)/L at which a spring breaks; absent: it never breaks"
+    )
+    yields_at: float = param(
+        None,
+        optional=True,
+        above=0.0,
+        help="elastic strain, of a longer or a shorter spring, beyond which the rest length follows; absent: none",
+    )
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
     links_lattice = True
 
@@ -61,6 +70,8 @@ class LatticeLinks(Network):
             stretch=self.prestretch,
             stiffness=self.stiffness,
             damping=self.damping,
+            breaks_at=self.breaks_at,
+            yields_at=self.yields_at,
             color=self.color,
         )
 

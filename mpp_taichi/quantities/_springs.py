@@ -23,6 +23,19 @@ def chosen_springs(between: Pair | None, setting: Setting) -> np.ndarray:
     return found
 
 
+def whole_springs(sample: RunSample, springs: np.ndarray) -> np.ndarray:
+    """Those of the springs that have not broken.
+
+    Raises:
+        NoResultError: all of them have broken.
+    """
+    left = springs[sample.snapshot.springs.whole[springs]]
+    if len(left) == 0:
+        last = sample.snapshot.springs.chosen(springs).breaking_times.max()
+        raise NoResultError(f"the last of {len(springs):,} springs broke at time {last:.6g}")
+    return left
+
+
 def lengths(sample: RunSample, springs: np.ndarray) -> np.ndarray:
     """Distances of the ends, (n,)."""
     first, second = sample.snapshot.springs.between[springs].T

@@ -4,12 +4,12 @@ import numpy as np
 
 from mpp_taichi.component import Pair, component, param
 from mpp_taichi.quantities._base import OfEach, RunSample, Setting
-from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
+from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths, whole_springs
 
 
 @component
 class SpringLength(OfEach):
-    """Length of a spring [length]; of all springs their mean; a histogram shows all lengths."""
+    """Length of a spring [length]; of all springs their mean; a histogram shows all lengths. Broken springs have none."""
 
     between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
     dimension = (1, 0, 0)
@@ -28,4 +28,4 @@ class SpringLength(OfEach):
 
     def each(self, sample: RunSample) -> np.ndarray:
         """The lengths."""
-        return lengths(sample, self._springs)
+        return lengths(sample, whole_springs(sample, self._springs))

@@ -9,6 +9,7 @@ from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.energy.numerical_damping import numerical_damping
 from mpp_taichi.report.adaptive_summary import step_control
 from mpp_taichi.report.contact_summary import contact_facts
+from mpp_taichi.report.spring_limits import spring_limit_facts
 from mpp_taichi.step import plans
 
 if TYPE_CHECKING:
@@ -127,6 +128,7 @@ def summarize(
         **_solver(simulation),
         **control,
         **contact_facts(simulation),
+        **spring_limit_facts(simulation),
         **({"heat_bath": True} if simulation.integrator.draws_random else {}),
         "conserves_energy": simulation.phase.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "conserves_momentum": simulation.phase.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),

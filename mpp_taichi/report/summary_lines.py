@@ -7,6 +7,7 @@ from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control_line
 from mpp_taichi.report.contact_summary import contact_line
+from mpp_taichi.report.spring_limits import spring_limit_line
 from mpp_taichi.scene.human_units import symbol, time_text
 
 PHASES_TOLD = 8
@@ -35,6 +36,7 @@ def lines(
         ("errors", _errors(found)),
         ("valid", found.get("horizon", {}).get("sentence", "")),
         ("contact", contact_line(found)),
+        ("springs", spring_limit_line(found)),
         ("balance", _balance(found)),
         ("damping", _damping(found)),
         ("beside", _beside(found)),
@@ -113,8 +115,7 @@ def _errors(found: Mapping[str, Any]) -> str:
         return ""
     energy = f"energy {found['relative_energy_error_max']:.2g}"
     if not found["conserves_energy"]:
-        reason = "contacts or walls change it" if "contacts" in found else "a force does work here"
-        energy += f" ({reason})" if "heat_bath" not in found else " (a bath of heat changes it)"
+        energy += f" ({_reason(found)})"
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     if not found["conserves_momentum"]:
@@ -129,6 +130,16 @@ def _errors(found: Mapping[str, Any]) -> str:
     return (
         turning if found["conserves_angular_momentum"] else f"{momentum}; angular momentum is not conserved in a periodic box"
     )
+
+
+def _reason(found: Mapping[str, Any]) -> str:
+    """Why the energy is not conserved."""
+    if "heat_bath" in found:
+        return "a bath of heat changes it"
+    if "contacts" in found:
+        return "contacts or walls change it"
+    broken = found.get("spring_limits", {"lost_energy": 0.0})["lost_energy"] != 0.0
+    return "springs broke or yielded" if broken else "a force does work here"
 
 
 def _balance(found: Mapping[str, Any]) -> str:

@@ -29,6 +29,11 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         allowed = ", ".join(component.marked("integrators", "takes_paths"))
         faults.add(place, key, f"does not move bodies on a path, allowed: {allowed}")
         return
+    if spec.limited_springs and not spec.integrator.flag("integrators", "takes_limits"):
+        allowed = ", ".join(component.marked("integrators", "takes_limits"))
+        rule = "sums forces at trial places too, so that it cannot tell when springs break or yield"
+        faults.add(place, key, f"{rule}, allowed: {allowed}")
+        return
     made_for = spec.integrator.flag("integrators", "made_for")
     if not made_for:
         return

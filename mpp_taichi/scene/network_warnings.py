@@ -28,7 +28,7 @@ def _without_direction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayo
     if not together.any():
         return
     entry_of = np.repeat(np.arange(len(spec.springs)), [_count(entry, layout) for entry in spec.springs])
-    linear = np.array([entry.parameters.get("rest_length") == 0.0 for entry in spec.springs])
+    linear = np.array([entry.parameters.get("rest_length") == 0.0 or entry.flag("networks", "bends") for entry in spec.springs])
     found = np.flatnonzero(together & ~linear[entry_of])
     if len(found):
         number = int(entry_of[found[0]])
@@ -42,13 +42,14 @@ def _without_direction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayo
 
 
 def _without_linear_modes(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[str]:
-    """Flat lattices, held along all edges, without prestretch, whose start is displaced across their plane."""
+    """Flat lattices, held along all edges, without prestretch and hinges, whose start is displaced across their plane."""
     pulled = bool(spec.forces_with("is_uniform"))  # a lattice that hangs under its weight is taut
     for number, entry in enumerate(spec.springs):
         if not entry.flag("networks", "links_lattice") or entry.parameters["prestretch"] != 1.0 or pulled:
             continue
         name = entry.parameters["of"]
-        taut = any(other.parameters.get("of") == name and other.parameters["prestretch"] > 1.0 for other in spec.springs)
+        others = [other for other in spec.springs if other.parameters.get("of") == name]
+        taut = any(other.flag("networks", "bends") or other.parameters["prestretch"] > 1.0 for other in others)
         start, counts = layout.lattice(name)
         lattice = spec.particles[layout.entry_of(start)].parameters
         rows = slice(start, start + counts[0] * counts[1] * counts[2])

@@ -25,7 +25,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -47,6 +47,18 @@ def _first_of_each_entry(layout: ParticleLayout, bad: np.ndarray) -> Iterator[in
     starts = np.asarray(layout.starts)
     _, first = np.unique(np.searchsorted(starts, indices, side="right"), return_index=True)
     yield from (int(indices[position]) for position in first)
+
+
+def _hinges(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Hinges beside forces and limits of springs that would act on the springs of which a hinge is made."""
+    bent = [(number, entry) for number, entry in enumerate(spec.springs) if entry.flag("networks", "bends")]
+    bonds = [entry.label for entry in spec.forces if is_formula(entry.name) and entry.law.kind == "bond"]
+    for number, entry in bent[:1]:
+        where = f"springs[{number}].{entry.name}"
+        if bonds:
+            yield entry.location, f"{where}: cannot be beside {bonds[0]}, which acts along every spring, those of hinges too"
+        if spec.limited_springs:
+            yield entry.location, f"{where}: cannot be beside springs that break or yield: a hinge needs whole links"
 
 
 def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
@@ -85,7 +97,7 @@ def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
     drag = sum(entry.parameters["coefficient"] for entry in spec.forces_with("is_linear_drag"))
     moves = np.any(snapshot.free, axis=1) & (snapshot.mass > 0.0)
     for what, each, coefficient in (
-        ("a spring of the stiffness", snapshot.springs.between, snapshot.springs.stiffness),
+        ("a spring of the stiffness", snapshot.springs.between, np.abs(snapshot.springs.stiffness)),
         ("a spring of the damping", snapshot.springs.between, snapshot.springs.damping),
         ("a drag of the coefficient", np.arange(snapshot.particle_count)[:, None], np.full(snapshot.particle_count, drag)),
     ):

@@ -123,7 +123,7 @@ def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str,
                 yield f"{root}.{each.name}", (SliderTarget("forces", entry.label, each.name, None),)
     for number, entry in enumerate(spec.springs):
         for each in component.declaration("networks", entry.name).parameters:
-            if each.slider:
+            if each.slider and _may_move(entry, each.name):
                 yield f"springs[{number}].{entry.name}.{each.name}", (SliderTarget("springs", number, each.name, None),)
     for name in validated.spring_types or {}:
         for parameter in SPRING_TYPE_PARAMETERS:
@@ -139,11 +139,17 @@ def _forces_may_move(spec: SceneSpec, method: component.Declaration) -> bool:
     return bool(method.flags.get("takes_sliders", True))
 
 
+def _may_move(entry: ComponentSpec, parameter: str) -> bool:
+    """Whether a parameter of springs may change during a run; the rest lengths of springs that break or yield are results."""
+    return not entry.has_limits or parameter in ("stiffness", "damping")
+
+
 def _of_type(spec: SceneSpec, name: str, parameter: str, tree: Node) -> Iterator[SliderTarget]:
     """The entries of `springs:` that take a parameter from their type; the first of them has the type's value."""
     for number, entry in enumerate(spec.springs):
         said = tree.value["springs"].value[number].value[entry.name].value or {}
-        if entry.parameters.get("type") == name and parameter in entry.parameters and parameter not in said:
+        takes = parameter in entry.parameters and parameter not in said and _may_move(entry, parameter)
+        if entry.parameters.get("type") == name and takes:
             yield SliderTarget("springs", number, parameter, None)
 
 

@@ -52,6 +52,11 @@ class ComponentSpec:
         """The name of a force in messages, which differs for each force of a scene."""
         return str(self.parameters.get("name") or self.name)
 
+    @property
+    def has_limits(self) -> bool:
+        """Whether an entry of `springs:` makes springs that break or yield."""
+        return any(self.parameters.get(name) is not None for name in ("breaks_at", "yields_at"))
+
     @cached_property
     def law(self) -> Any:
         """The law of a force that is a formula, else None."""
@@ -135,6 +140,12 @@ class SpringTypeSpec:
     damping: Annotated[float | None, Number(minimum=0.0), Field(description="damping c [force time length⁻¹]")] = None
     prestretch: Annotated[
         float | None, Number(above=0.0), Field(description="length as placed, divided by the rest length")
+    ] = None
+    breaks_at: Annotated[float | None, Number(above=0.0), Field(description="strain (l − L)/L at which a spring breaks")] = None
+    yields_at: Annotated[
+        float | None,
+        Number(above=0.0),
+        Field(description="elastic strain, of a longer or a shorter spring, beyond which the rest length follows"),
     ] = None
     color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
@@ -307,6 +318,11 @@ class SceneSpec:
         """Number and entry of each entry of `springs:` that makes rods in place of springs."""
         rigid = {name for name in {entry.name for entry in self.springs} if component.flag("networks", name, "is_rigid")}
         return [(k, entry) for k, entry in enumerate(self.springs) if entry.name in rigid] if rigid else []
+
+    @property
+    def limited_springs(self) -> list[ComponentSpec]:
+        """The entries of `springs:` whose springs break or yield."""
+        return [entry for entry in self.springs if entry.has_limits]
 
     @property
     def rods_named(self) -> str:

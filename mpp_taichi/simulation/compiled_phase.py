@@ -11,13 +11,13 @@ from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device import backends
 from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
-from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.errors import BackendError
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
 from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
-from mpp_taichi.simulation.constraints import driven_ahead, driven_bodies_of, rods_of
+from mpp_taichi.simulation.constraints import driven_bodies_of, moved_ahead, rods_of
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
@@ -56,8 +56,10 @@ class CompiledPhase:
         """Import the components that the phase names, allocate its fields and fill them."""
         # Taichi code is imported here and not before, and only the components that the scene names.
         from mpp_taichi.energy.energy_meter import EnergyMeter
+        from mpp_taichi.forces._composition import compose
         from mpp_taichi.forces._fewer_pairs import fewer_pairs
-        from mpp_taichi.forces._total_force import TotalForce, compose
+        from mpp_taichi.forces._spring_limits import with_limits
+        from mpp_taichi.forces._total_force import TotalForce
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
         from mpp_taichi.step.choose import launcher_for, settle_plan
@@ -73,8 +75,9 @@ class CompiledPhase:
         paths = driven_bodies_of(spec, start, device, plan=plan, replica_count=self.replica_count)
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
+        limited, limits = with_limits(start, self.live.forces)
         self.total_force = TotalForce(
-            self.live.forces,
+            limited,
             start.particle_count,
             spec.dimensions,
             merges=start.merged_into is not None,
@@ -83,6 +86,7 @@ class CompiledPhase:
             rods=rods,
             paths=paths,
             fewer=fewer_pairs(self, forces, asked=plan),
+            limits=limits,
         )
         self.total_force.live = self.live if self.replica_count > 1 else None
         refusals.check_numbers(spec, start, self.total_force, device.precision)
@@ -104,6 +108,7 @@ class CompiledPhase:
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
             rods.fill(self.state)
+        self._place_springs(start)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
@@ -121,7 +126,7 @@ class CompiledPhase:
             tangent_meter=self.tangent,
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
-        self.launch_limit = self._steps_per_launch()
+        self.launch_limit = refusals.steps_per_launch(self.launcher, self.total_force, device, self.plan)
         self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
@@ -190,21 +195,6 @@ class CompiledPhase:
         solver.forces, solver.integrator = self.total_force, self.integrator
         return solver
 
-    def _steps_per_launch(self) -> int:
-        """Most steps that one launch may hold: software Vulkan stops the loops of a thread and says nothing."""
-        limit = self.device.probes.loop_limit
-        if limit is None:
-            return 2**31 - 1
-        in_one_launch = self.plan != "parallel"
-        longest = self.launcher.loop_iterations_per_step() if in_one_launch else self.total_force.longest_loop
-        if longest > limit:
-            raise CapacityError(
-                f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
-                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
-                "use --backend cpu or another plan"
-            )
-        return limit // longest if in_one_launch else 2**31 - 1
-
     @property
     def spec(self) -> SceneSpec:
         """The scene of the phase."""
@@ -239,9 +229,14 @@ class CompiledPhase:
         if starts:
             self.state.write_properties(starts)
         self.state.write_snapshots([replace(each, velocity=each.velocity * each.moving) for each in starts or (start,)])
+        self._place_springs(start)
         if self.tangent is not None:
             self.tangent.begin()
         self._begin_afresh(dt, start.step)
+
+    def _place_springs(self, start: Snapshot) -> None:
+        if self.total_force.has_limits:
+            self.total_force.limits.place(self.state, start.springs)
 
     def take_restitution(self, spec: SceneSpec) -> None:
         """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""
@@ -253,6 +248,8 @@ class CompiledPhase:
         """Go on at this step from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
         if earlier is not self:
             self.state.take_over(earlier.state, self.particles.moving)
+            if self.total_force.has_limits:
+                self.total_force.limits.take_over(self.state, earlier.state)
         self._begin_afresh(dt, step)
 
     def _begin_afresh(self, dt: float, step: int) -> None:
@@ -320,6 +317,8 @@ class CompiledPhase:
         position = position if self.phase.box is None else self.phase.box.inside(position)
         found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
         found = found if comoving is None else replace(found, comoving=comoving)
+        if self.total_force.has_limits:
+            found = replace(found, springs=self.total_force.limits.read(self.state, self.particles.springs))
         return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
 
     def snapshot_ahead(self, clock: Clock, offset: float) -> Snapshot:
@@ -333,10 +332,7 @@ class CompiledPhase:
             found = self.snapshot(clock)
             self.restore(saved)
             return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)
-        now = self.snapshot(clock)
-        place = now.position + now.velocity * offset
-        moved = now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
-        return driven_ahead(self.spec, moved) if offset != 0.0 else moved
+        return moved_ahead(self.spec, self.snapshot(clock), offset)
 
     # Meters
 
@@ -374,6 +370,11 @@ class CompiledPhase:
         """Whether no force, contact or bath adds energy, so that the total energy does not grow."""
         contacts = self.contacts is None or self.contacts.gains_no_energy
         return self.total_force.gains_no_energy and contacts and not self.integrator.draws_random
+
+    @property
+    def lost_by_springs(self) -> float:
+        """Energy that springs have lost by breaking and yielding since they were placed [energy]."""
+        return self.total_force.limits.loss(self.state) if self.total_force.has_limits else 0.0
 
     @property
     def conserves_momentum(self) -> bool:

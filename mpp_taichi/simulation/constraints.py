@@ -1,6 +1,5 @@
 """Constraints: the rigid rods and the bodies on given paths of a phase, as parts of its step."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,11 +75,12 @@ def check_on_paths(spec: SceneSpec, start: Snapshot) -> None:
             raise StateError(f"{where} {distance:.3g} from its path: the path of the scene is another than that of the run")
 
 
-def driven_ahead(spec: SceneSpec, moved: Snapshot) -> Snapshot:
-    """A snapshot between two steps, with bodies on paths where they are at its time."""
-    if not moved.driven:
-        return moved
-    position, velocity = moved.position.copy(), moved.velocity.copy()
-    for index, law in zip(moved.driven, paths_of(spec), strict=True):
-        position[index], velocity[index] = law.at(moved.time)
-    return replace(moved, position=position, velocity=velocity)
+def moved_ahead(spec: SceneSpec, now: Snapshot, offset: float) -> Snapshot:
+    """The particles a time `offset` [time] later, at x + v offset; bodies on paths are on their paths."""
+    time = now.time + offset
+    position, velocity = now.position + now.velocity * offset, now.velocity
+    if now.driven and offset != 0.0:
+        velocity = velocity.copy()
+        for index, law in zip(now.driven, paths_of(spec), strict=True):
+            position[index], velocity[index] = law.at(time)
+    return now.moved(position=position, velocity=velocity, time=time, step=now.step)

@@ -16,7 +16,7 @@ from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
 from mpp_taichi.simulation.constraints import check_on_paths
 from mpp_taichi.simulation.first_bad_step import label
-from mpp_taichi.snapshot import Rods, Snapshot
+from mpp_taichi.snapshot import Rods, Snapshot, Springs
 from mpp_taichi.start.assemble import assemble, springs_of
 from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.step import plans
@@ -73,11 +73,27 @@ def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
             phases.append(moved_on(phases[-1], event))
             continue
         made = assemble(event.scene, placed_as=spec)
+        _check_limits(phases[-1].particles.springs, made.springs, event)
         particles = replace(
             made, position=start.position, velocity=start.velocity * made.moving, rods=_rods_of(phases[-1], made, event)
         )
         phases.append(Phase(event.at, event.scene, particles, event.changes))
     return tuple(phases)
+
+
+def _check_limits(before: Springs, after: Springs, event: Event) -> None:
+    """Refuse a change of springs that may have broken or yielded, of which the rest lengths are results of the run.
+
+    Raises:
+        SceneError: the event changes links, rest lengths or limits.
+    """
+    if not (before.have_limits or after.have_limits):
+        return
+    for name in ("between", "rest_length", "breaking_length", "yield_stretch"):
+        old, new = getattr(before, name), getattr(after, name)
+        if old is None or new is None or not np.array_equal(old, new):
+            rule = "of springs that break or yield only stiffness and damping may be changed"
+            raise SceneError(f"{event.location}: timeline: {rule}")
 
 
 def _rods_of(before: Phase, made: Snapshot, event: Event) -> Rods:

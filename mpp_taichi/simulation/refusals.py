@@ -103,6 +103,8 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
     refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
     if spec.rigid_entries:
         refused = f"the solver of {spec.rods_named}"
+    if spec.limited_springs and forces_have_low_parts(precision):
+        refused = "the search for springs that break or yield"
     if spec.contacts is not None:
         refused = f"the contact solver {spec.contacts.solver.name}"
     if tree_of(spec) is not None and forces_see_low_parts(precision):
@@ -135,6 +137,8 @@ def check_tangent(spec: SceneSpec, integrator: Any, forces: Sequence[Any], preci
         reasons.insert(0, "a tree does")
     if spec.rigid_entries:
         reasons.insert(0, f"{spec.rods_named} do")
+    if spec.limited_springs:
+        reasons.insert(0, "springs that break or yield do")
     if spec.timeline:
         reasons.insert(0, "a timeline does")
     if spec.thermal_walls:
@@ -233,3 +237,23 @@ def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replic
             f"the integrator's work fields need {needs} GiB, most of it for {largest}; "
             f"{has} GiB are available to this process{hint}"
         )
+
+
+def steps_per_launch(launcher: Any, total_force: Any, device: Device, plan: str) -> int:
+    """Most steps that one launch may hold: software Vulkan stops the loops of a thread and says nothing.
+
+    Raises:
+        CapacityError: it may not hold one step.
+    """
+    limit = device.probes.loop_limit
+    if limit is None:
+        return 2**31 - 1
+    in_one_launch = plan != "parallel"
+    longest = launcher.loop_iterations_per_step() if in_one_launch else total_force.longest_loop
+    if longest > limit:
+        raise CapacityError(
+            f"this device ({device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
+            f"{launcher.state.particle_count:,} particles under the {plan} plan needs {longest:,}; "
+            "use --backend cpu or another plan"
+        )
+    return limit // longest if in_one_launch else 2**31 - 1

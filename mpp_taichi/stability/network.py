@@ -77,7 +77,7 @@ class SpringNetwork:
     def frequency_bound(self) -> float:
         """Upper bound of the frequencies in every arrangement of the same particles and springs [1/time]."""
         springs = self.snapshot.springs
-        return math.sqrt(row_sum_bound(self.snapshot, self.spec.dimensions, springs.stiffness)) if self.swings else 0.0
+        return math.sqrt(row_sum_bound(self.snapshot, self.spec.dimensions, np.abs(springs.stiffness))) if self.swings else 0.0
 
     @cached_property
     def damping_bound(self) -> float:

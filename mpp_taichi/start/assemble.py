@@ -3,7 +3,6 @@
 import bisect
 import itertools
 import logging
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,7 @@ from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.path_checks import warned_kinks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.snapshot import PARTICLE_ARRAYS, ROD_ARRAYS, SPRING_ARRAYS, Rods, Snapshot, Springs
+from mpp_taichi.snapshot import PARTICLE_ARRAYS, ROD_ARRAYS, Rods, Snapshot, Springs
 from mpp_taichi.start.overlaps import start_of_contacts
 from mpp_taichi.start.rod_checks import check_rods
 
@@ -132,12 +131,7 @@ def _link(spec: SceneSpec, layout: ParticleLayout, rest_position: np.ndarray) ->
             made.append(build("networks", entry).generate(context))
         except PlacementError as error:
             raise SceneError(f"{entry.location}: springs[{number}].{entry.name}: {error}") from None
-    return _joined(made)
-
-
-def _joined(made: Iterable[Springs]) -> Springs:
-    parts = [Springs(), *made]
-    return Springs(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in SPRING_ARRAYS})
+    return Springs.joined([Springs(), *made])
 
 
 def _rods(spec: SceneSpec, position: np.ndarray) -> Rods:

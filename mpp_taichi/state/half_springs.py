@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.types import Template
 
 VALUES = ("spring_stiffness", "spring_rest_length", "spring_damping")
@@ -36,13 +36,25 @@ def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
     springs = snapshot.springs
     ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
     others = np.concatenate([springs.between[:, 1], springs.between[:, 0]])
-    number = np.tile(np.arange(len(springs)), 2)
-    order = np.lexsort((number, ends))
+    order, number = _order(springs)
     counts = np.bincount(ends, minlength=snapshot.particle_count)
     return {
         "spring_start": np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
         "spring_neighbor": others[order].astype(np.int32),
-        "spring_stiffness": springs.stiffness[number[order]],
-        "spring_rest_length": springs.rest_length[number[order]],
-        "spring_damping": springs.damping[number[order]],
+        "spring_stiffness": springs.stiffness[number],
+        "spring_rest_length": springs.rest_length[number],
+        "spring_damping": springs.damping[number],
     }
+
+
+def numbers_of_halves(snapshot: Snapshot) -> np.ndarray:
+    """The number of the spring to which each half-spring belongs, (2 spring_count,)."""
+    return _order(snapshot.springs)[1]
+
+
+def _order(springs: Springs) -> tuple[np.ndarray, np.ndarray]:
+    """The order of the half-springs among first and second ends of all springs, and the number of the spring of each."""
+    ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
+    number = np.tile(np.arange(len(springs)), 2)
+    order = np.lexsort((number, ends))
+    return order, number[order]

@@ -305,7 +305,10 @@ class State:
 
     def write_springs(self, snapshot: Snapshot) -> None:
         """Set stiffness, rest length and damping of springs that link the same particles as before."""
-        self._write_numbers(values_of_replicas([snapshot]))
+        columns = values_of_replicas([snapshot])
+        if "spring_yield_stretch" in self.quantities:
+            del columns["spring_rest_length"]  # it changes in the run, and no slider moves it
+        self._write_numbers(columns)
 
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set the arrays that merging changes, the same in every replica."""

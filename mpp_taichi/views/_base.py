@@ -88,6 +88,7 @@ class Frame:
             x, y, z = mass @ snapshot.position / mass.sum()
             center = (float(x), float(y), float(z))
         springs, rods = snapshot.springs, snapshot.rods
+        springs = springs.chosen(springs.whole) if springs.have_limits else springs
         place = snapshot.position if walls is None else walls.inside(snapshot.position)
         if not snapshot.present.all():
             place = np.where(snapshot.present[:, None], place, np.nan)

@@ -40,6 +40,7 @@ GIVEN = {
     "angular_momentum": [{}, {"of": (1, 2), "axis": "y"}],
     "argument_of_pericentre": [ORBIT],
     "ascending_node": [ORBIT],
+    "broken_springs": [{}, {"of": (1, 2)}],
     "collision_count": [{"between": "all"}, {"between": "pairs"}, {"between": "walls"}],
     "distance": [{"of": (1, 2)}, {"of": (1, 1), "to": (2, 1)}, {"of": (1, 2), "point": (1.0, 2.0, 0.5)}, {"between": (0, 4)}],
     "eccentricity": [ORBIT],
@@ -82,12 +83,14 @@ def spec():
 
 @pytest.fixture(scope="module")
 def start(spec):
-    """The particles of the scene, with two rods that are longer than 1, all in their motion."""
+    """The particles of the scene, with two rods that are longer than 1 and a broken spring, all in their motion."""
     rods = Rods(between=np.array([[0, 1], [2, 0]], np.int32), length=np.full(2, np.nan), color=np.ones((2, 3)))
     found = assemble(spec)
     first, second = rods.between.T
     length = np.linalg.norm(found.position[second] - found.position[first], axis=1)
-    return replace(found, rods=replace(rods, length=length), velocity=found.velocity * found.free)
+    never = np.full(3, np.inf)
+    springs = replace(found.springs, breaking_length=never, yield_stretch=never, broke_at=np.array([np.inf, np.inf, 2.0]))
+    return replace(found, rods=replace(rods, length=length), springs=springs, velocity=found.velocity * found.free)
 
 
 def factor(dimension):

@@ -2,9 +2,9 @@
 
     python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
-Effects are every force, the stiffness of all springs and their damping, the temperature and the friction of a bath of heat,
-which are too strong, and the restitution of spheres and that of all walls, which is too low. An error is caught where an
-expectation fails that held before.
+Effects are every force, the stiffness of all springs, of hinges, the damping and the limits of springs, the temperature and
+the friction of a bath of heat, which are too strong, and the restitution of spheres and that of all walls, which is too low.
+An error is caught where an expectation fails that held before.
 """
 
 import argparse
@@ -54,14 +54,16 @@ def factor_of(name, given):
 
 
 def errors_of_springs(resolved, by):
-    """The stiffness of all springs, and the damping of all springs that have any."""
+    """The stiffness of all springs and hinges, and the damping and the limits of all springs that have any."""
     entries = [
         (f"springs[{number}].{kind}", given)
         for number, entry in enumerate(resolved.get("springs") or ())
         for kind, given in entry.items()
     ]
     entries += [(f"spring_types.{name}", given) for name, given in (resolved.get("spring_types") or {}).items()]
-    for effect, key in (("springs", "stiffness"), ("damping of springs", "damping")):
+    kinds = {"springs": "stiffness", "hinges": "bending_stiffness", "damping of springs": "damping"}
+    kinds |= {"breaking strain": "breaks_at", "yield strain": "yields_at"}
+    for effect, key in kinds.items():
         settings = [f"{place}.{key}={scaled(given[key], by)}" for place, given in entries if given.get(key)]
         if settings:
             yield effect, settings
