@@ -16,7 +16,7 @@ from mpp_taichi.cli import _options
 from mpp_taichi.cli._reports import write_report
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
-from mpp_taichi.errors import UnsupportedError
+from mpp_taichi.errors import BackendError, UnsupportedError
 
 if TYPE_CHECKING:
     from mpp_taichi.compare.comparison import ComparisonWishes
@@ -92,6 +92,8 @@ def execute(arguments: argparse.Namespace) -> int:
         finally:
             lock.release()
     _report(found, arguments)
+    if all(row.status == "missing" for row in comparison.rows):
+        return BackendError.exit_code
     return BUG_CODE if comparison.bugs else 0
 
 

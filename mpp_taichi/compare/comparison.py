@@ -77,7 +77,7 @@ class Comparison:
         files: Path,
     ) -> None:
         """Make the initial state of all backends; `files` is a folder for files of the workers, which is removed at the end."""
-        self.journal, self._files = journal, files
+        self.journal, self._files = journal, files.absolute()  # a worker runs in the folder of the scene
         budget.wait(journal.get(SPENT) or 0.0)
         self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
         self.start = assemble(spec)

@@ -79,6 +79,8 @@ def kept(values: np.ndarray, precision: str) -> np.ndarray:
 
 def refusal(spec: SceneSpec) -> str | None:
     """The reason why a scene has no reference here, the forces that are missing; None where all forces have one."""
+    if spec.limited_springs:
+        return "the NumPy reference has no springs that break or yield"
     foreign = [force.label for force in spec.forces if not (force.name in KNOWN_FORCES or has_reference(force))]
     for force in spec.forces:
         if is_formula(force.name):

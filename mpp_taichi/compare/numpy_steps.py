@@ -55,8 +55,6 @@ def refusal(spec: SceneSpec) -> str | None:
     """The reason why the scene's integrator is not among these; None where it is."""
     if spec.contacts is not None or spec.walls:
         return "NumPy steps know no contacts and no walls"
-    if spec.limited_springs:
-        return "NumPy steps know no springs that break or yield"
     if any(force.parameters.get("solver", DIRECT) != DIRECT for force in spec.forces):
         return "a tree is cut where a tolerance says, and rounding may decide that"
     name = spec.integrator.name

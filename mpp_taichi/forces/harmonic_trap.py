@@ -14,4 +14,5 @@ class HarmonicTrap(FormulaField):
 
     frequencies: Vector = param(unit="time⁻¹", help="ω_x, ω_y, ω_z; 0 for an axis without a force")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "m/2*(frequencies_x^2*x^2 + frequencies_y^2*y^2 + frequencies_z^2*z^2)"

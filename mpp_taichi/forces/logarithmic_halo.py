@@ -16,4 +16,5 @@ class LogarithmicHalo(FormulaField):
     core: float = param(above=0.0, slider=True, unit="length", help="R_c, the radius of the core")
     flattening: float = param(1.0, above=0.0, slider=True, help="q, the axis ratio of the surfaces of equal potential")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "m/2*speed^2*log(core^2 + x^2 + y^2 + z^2/flattening^2)"

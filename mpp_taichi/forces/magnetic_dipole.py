@@ -20,6 +20,7 @@ class MagneticDipole(FormulaField):
         help="M, the field at the distance 1 in the plane of the equator, with the opposite sign",
     )
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "q/m*strength*(vy*(3*z^2 - r^2) - vz*3*y*z)/r^5",
         "q/m*strength*(vz*3*x*z - vx*(3*z^2 - r^2))/r^5",

@@ -17,6 +17,7 @@ class MagneticField(FormulaField):
         unit="mass time⁻¹ charge⁻¹", help="B, the flux density; in two dimensions only B_z acts in the plane"
     )
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "q/m*(vy*field_z - vz*field_y)",
         "q/m*(vz*field_x - vx*field_z)",

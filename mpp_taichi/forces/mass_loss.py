@@ -16,4 +16,5 @@ class MassLoss(FormulaField):
     mass: float = param(above=0.0, unit="mass", help="M, the mass at the time 0")
     rate: float = param(slider=True, unit="time⁻¹", help="k, the share of its mass that the star loses a time")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "-strength*mass*m*exp(-rate*t)/r"

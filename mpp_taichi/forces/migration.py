@@ -16,6 +16,7 @@ class Migration(FormulaField):
     rate: float = param(slider=True, unit="time⁻¹", help="k_a, at which the semi-major axis falls")
     circularization: float = param(0.0, slider=True, unit="time⁻¹", help="k_e, at which the eccentricity falls")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "-rate/2*vx - 2*circularization*(x*vx + y*vy + z*vz)*x/r^2",
         "-rate/2*vy - 2*circularization*(x*vx + y*vy + z*vz)*y/r^2",

@@ -17,4 +17,5 @@ class MiyamotoNagai(FormulaField):
     scale: float = param(minimum=0.0, slider=True, unit="length", help="a, the scale of the disc along its plane")
     height: float = param(above=0.0, slider=True, unit="length", help="b, the scale of its thickness")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "-strength*mass*m/sqrt(x^2 + y^2 + (scale + sqrt(z^2 + height^2))^2)"

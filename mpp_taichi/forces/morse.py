@@ -21,4 +21,5 @@ class Morse(FormulaPair):
         None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
     )
     between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "strength*((1 - exp(-steepness*(r - length)))^2 - 1)"

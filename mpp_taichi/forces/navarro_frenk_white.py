@@ -16,4 +16,5 @@ class NavarroFrenkWhite(FormulaField):
     mass: float = param(above=0.0, slider=True, unit="mass", help="M = 4π ρ₀ a³")
     scale: float = param(above=0.0, slider=True, unit="length", help="a, the radius at which the slope of the density is −2")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "-strength*mass*m*log(1 + r/scale)/r"

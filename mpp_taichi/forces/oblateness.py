@@ -20,6 +20,7 @@ class Oblateness(FormulaField):
     j2: float = param(slider=True, help="J₂, above 0 for a planet that is flattened")
     j4: float = param(0.0, slider=True, help="J₄")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = (
         "strength*mass*m/r*(j2*(planet_radius/r)^2*(3*(z/r)^2 - 1)/2 + j4*(planet_radius/r)^4*(35*(z/r)^4 - 30*(z/r)^2 + 3)/8)"
     )

@@ -22,4 +22,5 @@ class PostNewtonian(FormulaPair):
         None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
     )
     between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "-3*strength^2*central_mass/speed_of_light^2*m1*m2/r^2"

@@ -17,4 +17,5 @@ class QuadrupoleTrap(FormulaField):
         strength=True, slider=True, unit="mass time⁻² charge⁻¹", help="U, the curvature of the electric potential along z"
     )
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "q*strength*(z^2 - (x^2 + y^2)/2)/2"

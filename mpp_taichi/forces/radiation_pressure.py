@@ -19,6 +19,7 @@ class RadiationPressure(FormulaField):
     ratio: float = param(minimum=0.0, slider=True, help="β, pressure of light over gravity")
     speed_of_light: float = param(above=0.0, unit="length time⁻¹", help="c")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "ratio*strength*mass/r^2*((1 - (x*vx + y*vy + z*vz)/(r*speed_of_light))*x/r - vx/speed_of_light)",
         "ratio*strength*mass/r^2*((1 - (x*vx + y*vy + z*vz)/(r*speed_of_light))*y/r - vy/speed_of_light)",

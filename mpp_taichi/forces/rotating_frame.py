@@ -15,6 +15,7 @@ class RotatingFrame(FormulaField):
 
     rate: AxialVector = param(unit="time⁻¹", help="Ω, along the axis of the rotation")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "-m/2*((rate_x^2 + rate_y^2 + rate_z^2)*(x^2 + y^2 + z^2) - (rate_x*x + rate_y*y + rate_z*z)^2)"
     formulas = (
         "2*(vy*rate_z - vz*rate_y)",

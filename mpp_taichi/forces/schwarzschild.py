@@ -18,6 +18,7 @@ class Schwarzschild(FormulaField):
     mass: float = param(above=0.0, unit="mass", help="M, the mass of the star")
     speed_of_light: float = param(above=0.0, unit="length time⁻¹", help="c")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "strength*mass/(speed_of_light^2*r^3)*((4*strength*mass/r - v^2)*x + 4*(x*vx + y*vy + z*vz)*vx)",
         "strength*mass/(speed_of_light^2*r^3)*((4*strength*mass/r - v^2)*y + 4*(x*vx + y*vy + z*vz)*vy)",

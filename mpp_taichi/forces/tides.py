@@ -20,6 +20,7 @@ class Tides(FormulaField):
     lag: float = param(minimum=0.0, slider=True, unit="time", help="τ, the delay of the bulge")
     spin: AxialVector = param(unit="time⁻¹", help="Ω, of the planet, along its axis")
     on: Particles = param(None, optional=True, help="the particle or group that feels the force; absent: every particle")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formulas = (
         "-3*love_number*strength*m*radius^5/r^8*(x + lag*(2*x*(x*vx + y*vy + z*vz)/r^2 + y*spin_z - z*spin_y + vx))",
         "-3*love_number*strength*m*radius^5/r^8*(y + lag*(2*y*(x*vx + y*vy + z*vz)/r^2 + z*spin_x - x*spin_z + vy))",

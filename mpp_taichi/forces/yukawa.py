@@ -19,4 +19,5 @@ class Yukawa(FormulaPair):
         None, optional=True, unit="length", help="distance beyond which there is no force; V is shifted to 0 there"
     )
     between: Groups = param(None, optional=True, help="two particles or groups; absent: all pairs interact")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     formula = "strength*q1*q2*exp(-r/length)/r"

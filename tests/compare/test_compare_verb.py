@@ -14,6 +14,7 @@ from mpp_taichi.cli.main import main
 from mpp_taichi.compare import scaling, table
 from mpp_taichi.compare.numpy_reference import NumpyForces
 from mpp_taichi.compare.process import WorkerError, WorkerProcess
+from mpp_taichi.errors import BackendError
 from scenes import cluster, kepler
 
 KEYS = {"scene", "integrator", "particle_count", "rows", "crossovers", "warnings", "known", "sentence", "status"}
@@ -134,6 +135,21 @@ def test_a_worker_that_dies_or_cannot_says_why(tmp_path):
     worker.kill()
     with pytest.raises(WorkerError, match="its process ended with status"):
         worker.ask("time", 60.0)
+
+
+def test_the_folder_of_the_command_need_not_be_that_of_the_scene(compared, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["compare", str(compared.scene), "--backends", "cpu,numpy", "--precisions", "f64", "--budget", "4s", "--quiet"]
+    assert main(words) == 0
+    found = json.loads((tmp_path / "out" / "kepler.compare" / "compare.json").read_text(encoding="utf-8"))
+    assert [row["verdict"] for row in found["rows"]] == ["rounding", "rounding"]
+
+
+def test_a_comparison_of_which_nothing_runs_is_a_failure(tmp_path, monkeypatch, compared):
+    monkeypatch.chdir(tmp_path)
+    text = compared.scene.read_text(encoding="utf-8").replace("leapfrog", "taylor")
+    (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
+    assert main(["compare", "other.yaml", "--backends", "numpy", "--budget", "4s", "--quiet"]) == BackendError.exit_code
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,10 @@
 
 import csv
 import math
+import subprocess
+import sys
+import time as clock
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +15,7 @@ from mpp_taichi import OutputError, Simulation, Snapshot
 from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.diagnostics.orbital_period import OrbitalPeriod
 from mpp_taichi.quantities._base import NoResultError
+from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.table import TableRecorder
@@ -200,6 +205,22 @@ def film(scene, frame_count, span, **length):
 
 
 @pytest.mark.sampled(2)
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="a system that does not tell the states of its processes")
+def test_a_killed_writer_whose_parent_has_not_asked_for_it_holds_no_output(tmp_path):
+    take = "from mpp_taichi.recorders._lock import OutputLock; OutputLock(pathlib.Path(sys.argv[1]))"
+    command = f"import os, pathlib, sys; {take}; os.abort()"
+    writer = subprocess.Popen([sys.executable, "-c", command, str(tmp_path / "a.csv")], stderr=subprocess.DEVNULL)
+    try:
+        deadline = clock.monotonic() + 60.0
+        while Path(f"/proc/{writer.pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
+            assert clock.monotonic() < deadline
+            clock.sleep(0.01)
+        assert (tmp_path / ".a.csv.lock").read_text() == str(writer.pid)
+        OutputLock(tmp_path / "a.csv").release()
+    finally:
+        writer.wait()
+
+
 @pytest.mark.parametrize("frame_count", [1, 2, 7, 60])
 def test_film_frames_are_evenly_spaced_whatever_the_step(frame_count):
     # dt does not divide the span, and for 60 frames several lie within one step.
