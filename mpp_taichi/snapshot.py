@@ -131,6 +131,7 @@ class Snapshot:
     name                 one string per particle, empty when it has none
     merged_into          where spheres merge: the particle of which each has become a part, −1 for a separate particle,
                          (particle_count,). A merged particle has neither mass, radius nor charge, and is held
+    driven               indices of the bodies that move on a given path, and are held, for no force moves them
     comoving             the same places and velocities in the frame in which a method steps them, where it has such a frame
     """
 
@@ -149,6 +150,16 @@ class Snapshot:
     dt: float | None = None  # of the run that led here, where it is known [time]
     merged_into: np.ndarray | None = None
     comoving: Comoving | None = None
+    driven: tuple[int, ...] = ()
+
+    @property
+    def moving(self) -> np.ndarray:
+        """False along the axes on which a particle has no velocity: held axes of bodies on no path, (particle_count, 3)."""
+        if not self.driven:
+            return self.free
+        found = self.free.copy()
+        found[list(self.driven)] = True
+        return found
 
     @property
     def particle_count(self) -> int:
@@ -189,7 +200,7 @@ class Snapshot:
             raise StateError("the masses of the state differ from the masses of the scene")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
             raise StateError("the state holds numbers that are not finite")
-        made = start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
+        made = start.moved(position=self.position, velocity=self.velocity * start.moving, time=self.time, step=self.step)
         made = replace(made, comoving=self.comoving)
         if start.springs.have_limits and self.springs.have_limits:
             springs = replace(start.springs, rest_length=self.springs.rest_length, broke_at=self.springs.broke_at)

@@ -62,7 +62,8 @@ class Observer:
         if not simulation.total_force.by_tree:
             return simulation.phase.energy_meter
         from mpp_taichi.energy.energy_meter import EnergyMeter
-        from mpp_taichi.forces._total_force import TotalForce, compose
+        from mpp_taichi.forces._composition import compose
+        from mpp_taichi.forces._total_force import TotalForce
 
         phase = problem.phases[simulation.phase_number]
         if phase.kernels not in self._meters:

@@ -187,6 +187,8 @@ def pose(spec: SceneSpec, until: float | None = None, of: str | None = None) -> 
 def _check_methods(spec: SceneSpec) -> None:
     """Refuse a scene, or a phase of it, whose methods cannot be compared."""
     place = spec.integrator.location
+    for _number, entry in spec.driven_entries:
+        raise SceneError(f"{entry.location}: accuracy compares methods of which most do not move bodies on a path")
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
     for entry in spec.limited_springs:

@@ -18,8 +18,9 @@ class EnergyBalance:
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
                         that springs lost as they broke or yielded, and restitution or merging took in contacts [energy]
-    work                W = ∫ Σ F·v dt over the other forces without a potential, the energy that `parameter_change` booked,
-                        and the change of the potential energy by merging, which changes masses and places [energy]
+    work                W = ∫ Σ F·v dt over the other forces without a potential, the work of the agents that move bodies on
+                        given paths, the energy that `parameter_change` booked, and the change of the potential energy by
+                        merging, which changes masses and places [energy]
     heat                Q, the energy that a bath of the method has given; there only where the method has a bath
     residual            E + D − W − Q − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D, |W| or |Q| so far: the scale of the residual, whatever the zero of the
@@ -41,6 +42,7 @@ class EnergyBalance:
         """Begin a new balance at the next sample."""
         self._integral = RunningIntegral()
         self._booked = 0.0
+        self._rods_elsewhere = 0.0  # work on rods in earlier phases, less the work before the first sample
         self._heat_elsewhere = 0.0  # of earlier phases, less the heat taken before the first sample
         self._lost_before = 0.0  # by springs before the first sample
         self._step: int | None = None
@@ -85,7 +87,7 @@ class EnergyBalance:
             powers = self._powers_now(simulation.time)
             if self._step is None:
                 self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
-                self._heat_elsewhere = -_heat(simulation.phase)
+                self._heat_elsewhere, self._rods_elsewhere = -_heat(simulation.phase), -_work_on_rods(simulation.phase)
                 self._lost_before = simulation.phase.lost_by_springs
             self._take(simulation.time, powers)
             self._step = simulation.step_count
@@ -106,6 +108,7 @@ class EnergyBalance:
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
         dissipated += simulation.phase.lost_by_springs - self._lost_before
         work = self.work + simulation.contact_report.potential_change
+        work += self._rods_elsewhere + _work_on_rods(simulation.phase)
         heat = self._heat_elsewhere + _heat(simulation.phase)
         has_bath = simulation.phase.integrator.draws_random or heat != 0.0
         return {
@@ -124,12 +127,18 @@ class EnergyBalance:
         """
         self.look(simulation)
         before = self._kinetic + simulation.energy_meter.potential_energy(simulation.time)
-        heat = _heat(simulation.phase)
+        heat, on_rods = _heat(simulation.phase), _work_on_rods(simulation.phase)
         yield
         self._heat_elsewhere += heat - _heat(simulation.phase)
+        self._rods_elsewhere += on_rods - _work_on_rods(simulation.phase)
         self._integral.cut()
         self._take(simulation.time, self._powers_now(simulation.time))
         self._booked += self._kinetic + simulation.energy_meter.potential_energy(simulation.time) - before
+
+
+def _work_on_rods(phase: Any) -> float:
+    """Work of the agents that move ends of rods, in this phase [energy]."""
+    return float(phase.total_force.rods.work(phase.state)) if phase.total_force.has_rods else 0.0
 
 
 def _heat(phase: Any) -> float:

@@ -124,6 +124,9 @@ class PowerMeter:
             kinetic = 0.5 * wide_number(self.state, self.mass[i]) * wide_velocity(self.state, i).norm_sqr()
             powers = self.total_force.powers_of(self.state, i, time)
             sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)
+        if ti.static(self.total_force.has_paths):
+            if b == 0:
+                sums[1] += self.total_force.paths.power(self.state, self.total_force, self.mass, time)
         self.history[s, b] = sums
 
     @ti.kernel

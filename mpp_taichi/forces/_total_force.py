@@ -1,12 +1,11 @@
 """TotalForce: the sum of the forces of a scene, and the only owner of the loops over particles and springs."""
 
 import copy
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi import component
 from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, is_not_zero, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
@@ -18,38 +17,12 @@ from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.forces._between import parts_of
-from mpp_taichi.scene.formulas.laws import PREFIX, live_names
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
 
 # Half-springs of a particle in a vector: an SSE register in f32, two in f64; twice as many are no faster.
 ROW_LANE_BITS = 2
 ROW_LANES = 1 << ROW_LANE_BITS
-
-
-def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
-    """Import and build the forces that a scene names, and the force of its springs where it has springs."""
-    forces = [built(entry) for entry in spec.forces]
-    if len(snapshot.springs):
-        damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
-        damping = spec.spring_damping if damped else "none"
-        forces += [
-            component.build("forces", name, {"damping": damping}) for name in component.marked("forces", "acts_on_springs")
-        ]
-    return tuple(forces)
-
-
-def built(entry: ComponentSpec) -> Force:
-    """The force of an entry, with its law where the force is a formula."""
-    plain = {name: value for name, value in entry.parameters.items() if not name.startswith(PREFIX)}
-    force: Any = component.build("forces", entry.name, plain)
-    if entry.law is not None:
-        force.law, force.needs = entry.law, entry.law.needs
-        force.live = {name: at for name, at in live_names(entry).items() if name in entry.law.live}
-        vars(force).update(entry.law.flags)
-    return cast(Force, force)
 
 
 @ti.data_oriented
@@ -71,6 +44,7 @@ class TotalForce:
         derivatives: int = 0,
         two_parts: bool = False,
         rods: Any = None,
+        paths: Any = None,
         fewer: Any = None,
         limits: Any = None,
     ):
@@ -78,10 +52,12 @@ class TotalForce:
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
-        forces are no part of the sum: the methods that keep the lengths of rods apply them. `fewer` says by which sum over
-        fewer than all pairs the pairs are summed (_fewer_pairs.py), if they are. `limits` breaks springs (SpringLimits).
+        forces are no part of the sum: the methods that keep the lengths of rods apply them. `paths` are the bodies on given
+        paths (DrivenBodies). `fewer` says by which sum over fewer than all pairs they are summed (_fewer_pairs.py). `limits`
+        breaks springs (SpringLimits).
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
+        self.paths, self.has_paths = paths, paths is not None
         self.limits, self.has_limits = limits, limits is not None
         self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
@@ -140,7 +116,8 @@ class TotalForce:
     @property
     def memory(self) -> tuple[str, ...]:
         """The fields of `work_fields` that a saved state has."""
-        return (*(self.pair_sum.memory if self.by_lists else ()), *(self.limits.memory if self.has_limits else ()))
+        parts = (self.pair_sum if self.by_lists else None, self.limits, self.rods)
+        return tuple(name for part in parts if part is not None for name in part.memory)
 
     def begin(self, state: Any) -> None:
         """Forget what earlier sums have left."""
@@ -159,8 +136,8 @@ class TotalForce:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy must be conserved."""
-        return not self.has_limits and all(force.conserves_energy for force in self.forces)
+        """Whether every force has a potential, so that energy is conserved; not where springs break or agents move bodies."""
+        return not (self.has_limits or self.has_paths) and all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
@@ -168,7 +145,8 @@ class TotalForce:
 
         Drag and friction brake; other forces without a potential, and formulas of the velocity, may give energy.
         """
-        return all(force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
+        brakes = (force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
+        return not self.has_paths and all(brakes)
 
     @property
     def needs(self) -> frozenset:

@@ -65,9 +65,11 @@ class Generator(ABC):
     """A generator of particles. Its parameters are declared in its file.
 
     one_particle   whether an entry makes one particle, whatever its parameters are
+    takes_path     whether the particle may move on a given path, the parameter `path`
     """
 
     one_particle = False
+    takes_path = False
 
     @abstractmethod
     def particle_count(self) -> int:

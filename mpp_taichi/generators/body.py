@@ -1,4 +1,4 @@
-"""One particle, with every property given; the position is given directly, or by the elements of an orbit."""
+"""One particle, with every property given; its place is a position, an orbit around a particle, or a path in time."""
 
 from collections.abc import Iterable, Mapping
 from itertools import takewhile
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.arithmetic.orbital_elements import attraction
-from mpp_taichi.component import Axes, Color, Particle, Vector, component, marked, param
+from mpp_taichi.component import Axes, Color, LawVector, Particle, Vector, component, marked, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._orbit import on_orbit, true_anomaly_at
@@ -20,19 +20,26 @@ _ANGLES = ("eccentricity", "inclination", "ascending_node", "argument_of_pericen
 def _has_position_only(given: Mapping[str, Any]) -> bool:
     """Whether the parameters of a body give its position, and nothing of an orbit."""
     of_orbit = any(given[key] is not None for key in _OF_ORBIT) or any(given[key] != 0.0 for key in _ANGLES)
-    return given["position"] is not None and not of_orbit
+    return given["position"] is not None and given["path"] is None and not of_orbit
 
 
 @component
 class Body(Generator):
-    """One particle, at a position, or on an orbit around a particle placed before.
+    """One particle, at a position, on an orbit around a particle placed before, or on a path that is given as a formula.
 
     With `around` and `semi_major_axis` in place of a position, the two bodies begin a Kepler orbit around each other, with G of
     newtonian_gravity and both masses; softening and all other bodies are left out. A given velocity is added to the velocity of
     the orbit. The plane of reference is x–y, the direction of reference x.
+
+    With a `path` the body is at x(t), and has the velocity x′(t), at every time t, and no force moves it; other particles feel
+    it. The formulas may use the time t and the constants of the scene. The energy balance books the work of the agent that
+    moves the body, of the power (m x″ − F)·x′, with F the force of all other particles and of the fields on it. Works with the
+    integrators that are made of drifts and kicks, whose order it keeps; refused beside contacts, a periodic box and
+    `move_to_center_of_mass`, with quantities that need a tangent, for copies side by side, and in f32c, ds and df64.
     """
 
     one_particle = True
+    takes_path = True
 
     name: str = param("", help="name of the particle; absent: the scene refers to it by its index")
     mass: float = param(minimum=0.0, unit="mass")
@@ -43,6 +50,13 @@ class Body(Generator):
         (0.0, 0.0, 0.0), unit="length", help="displacement from rest at the start; it stretches the springs"
     )
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹")
+    path: LawVector = param(
+        None,
+        optional=True,
+        names=("t",),
+        unit="length",
+        help="x(t) for each axis, in place of a position and a velocity, such as 0.1*sin(w*t)",
+    )
     around: Particle = param(None, optional=True, help="primary body of an orbit, placed before this body")
     semi_major_axis: float = param(
         None, optional=True, unit="length", help="semi-major axis a of an orbit; below 0 for a hyperbola"
@@ -89,12 +103,14 @@ class Body(Generator):
             radius=self.radius,
             charge=self.charge,
             color=self.color,
-            free=self.free,
+            free=(False, False, False) if self.path is not None else self.free,
             name=(self.name,),
         )
 
     def _place(self, context: GeneratorContext) -> tuple[np.ndarray, np.ndarray]:
         velocity = np.array(self.velocity, float)
+        if self.path is not None:
+            return self._on_path()
         if self.semi_major_axis is None:
             named = [name for name in _OF_ORBIT if getattr(self, name) is not None]
             named += [name for name in _ANGLES if getattr(self, name) != 0.0]
@@ -127,3 +143,16 @@ class Body(Generator):
             anomaly,
         )
         return primary.position + x, primary.velocity + v + velocity
+
+    def _on_path(self) -> tuple[np.ndarray, np.ndarray]:
+        """Place and velocity at time 0 on the path; whatever else would place the body is refused."""
+        given = [name for name in ("position", *_OF_ORBIT) if getattr(self, name) is not None]
+        given += [name for name in ("velocity", "displacement", *_ANGLES) if np.any(np.not_equal(getattr(self, name), 0.0))]
+        given += [] if all(self.free) else ["free"]
+        if given:
+            raise PlacementError(
+                f"has a path and {given[0]}: the path says where the body is at all times, leave one of them out"
+            )
+        from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
+
+        return path_law(self.path).at(0.0)

@@ -71,7 +71,7 @@ class Rerun:
         rounding = ROUND_OFF.get(simulation.device.precision, SINGLE) * float(np.abs(start.position).max())
         shift = rounding * self._shift * np.random.default_rng(SEED).uniform(-1.0, 1.0, start.position.shape) * start.free
         shift[:, simulation.spec.dimensions :] = 0.0
-        simulation.state.write(start.position + shift, start.velocity * start.free)
+        simulation.state.write(start.position + shift, start.velocity * start.moving)
 
     def _places(self) -> np.ndarray:
         """Positions of the followed particles; of a sphere that has become a part of another, the position of the latter."""

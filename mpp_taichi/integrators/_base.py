@@ -50,6 +50,7 @@ class Integrator:
     draws_random         changes velocities by random numbers in the middle of each drift (`meet_bath`): its motions have no
                          error that could be measured, and no tangent
     takes_rods           keeps the lengths of rigid rods, and its order with them
+    takes_paths          puts bodies on given paths where they are after each of its drifts, and keeps its order with them
     takes_limits         evaluates the forces at places of the motion only, so that springs may break or yield there
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
@@ -97,6 +98,7 @@ class Integrator:
     takes_sliders = True
     draws_random = False
     takes_rods = False
+    takes_paths = False
     takes_limits = False
     takes_any_numbers = False
     takes_tangent = False
@@ -154,7 +156,8 @@ class Integrator:
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:
         """Whether a kernel that runs whole steps in one thread is compiled with explicit vectors."""
-        return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low and not total_force.has_rods
+        plain = not (state.carries_low or total_force.has_rods or total_force.has_paths)
+        return self.launchers.vectors and total_force.pairs_in_tiles and plain
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
         """Prepare the values that a step expects from the step before, after the state was set from outside."""

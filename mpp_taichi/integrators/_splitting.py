@@ -54,6 +54,9 @@ class Splitting(Integrator):
     that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
     positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
+
+    Bodies on given paths are put where they are after each drift. The time moves on in the drifts only, so that the place of
+    such a body is a function of the time as it is in each kick, and the order is kept.
     """
 
     drifts: tuple = ()
@@ -62,6 +65,7 @@ class Splitting(Integrator):
     can_use_tree = True
     takes_low_parts = True
     takes_rods = True
+    takes_paths = True
     takes_any_numbers = True
     launchers = Launchers(vectors=True)
 
@@ -81,6 +85,11 @@ class Splitting(Integrator):
         kicks = self.kicks if self.begins_with_kick else (0.0, *self.kicks)
         drifts = (*self.drifts, 0.0) if self.begins_with_kick else self.drifts
         return tuple((sum(drifts[:k]), kick, drift) for k, (kick, drift) in enumerate(zip(kicks, drifts, strict=True)))
+
+    @property
+    def ends(self) -> tuple:
+        """Sums of the drifts up to the drift of each stage: the time of the step to which each stage leads."""
+        return tuple(node + drift for node, _kick, drift in self.entries)
 
     @property
     def nodes(self) -> tuple:
@@ -107,6 +116,12 @@ class Splitting(Integrator):
             parts.append((earlier, later) if drift != 0.0 or earlier != 0.0 else (0.0, 0.0))
             earlier = later
         return tuple(parts)
+
+    @property
+    def part_ends(self) -> tuple:
+        """The times of the step to which the two parts of the drift of each stage lead."""
+        parts = zip(self.entries, self.drift_parts, self.ends, strict=True)
+        return tuple((node + early if late != 0.0 else end, end) for (node, _kick, _drift), (early, late), end in parts)
 
     @property
     def most_parts(self) -> int:
@@ -161,17 +176,25 @@ class Splitting(Integrator):
         return k > 0 and not self.wants_sum(total_force)
 
     def joins_steps(self, total_force: Any) -> bool:
-        """For a step that begins and ends with a drift: the last drift and the first drift of the next step are one loop."""
-        if self.begins_with_kick or self.looks_stages_up(total_force):
+        """For a step that begins and ends with a drift: the last drift and the first drift of the next step are one loop.
+
+        Bodies on given paths are put between these drifts, so that no loop is shared.
+        """
+        if self.begins_with_kick or total_force.has_paths or self.looks_stages_up(total_force):
             return False
         if total_force.has_pairs and total_force.depends_on_velocity:
             return False
         return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
 
     def looks_stages_up(self, total_force: Any) -> bool:
-        """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile; and for rods."""
+        """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile; and for rods.
+
+        Also for many stages with many bodies on paths, whose formulas stand in each stage.
+        """
         slopes = self.evaluations * self.slope_count(total_force)
-        return total_force.has_rods or bool(total_force.depends_on_velocity and slopes > MOST_SLOPES)
+        paths = self.evaluations * total_force.paths.count if total_force.has_paths else 0
+        damped = bool(total_force.depends_on_velocity and slopes > MOST_SLOPES)
+        return total_force.has_rods or damped or paths > MOST_SLOPES
 
     def slope_count(self, total_force: Any) -> int:
         """Loops over the forces in a kick: one, or one for each slope where the kick is solved for a force of the velocity."""
@@ -203,13 +226,15 @@ class Splitting(Integrator):
         if ti.static(total_force.has_rods):
             if ti.static(kick != 0.0):
                 self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
-            for part in ti.static(self.drift_parts[k]):
+            for part, end in ti.static(tuple(zip(self.drift_parts[k], self.part_ends[k]))):
                 if ti.static(part != 0.0):
-                    total_force.rods.drift(state, first, part * dt)
+                    total_force.rods.drift(state, total_force, first, part * dt, time, end * dt)
         elif ti.static(kick != 0.0):
             self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, drift != 0.0)
         elif ti.static(drift != 0.0):
             self.drift(state, total_force, first, k, drift * dt)
+        if ti.static(total_force.has_paths and not total_force.has_rods and drift != 0.0):
+            total_force.paths.put(state, first, time + self.ends[k] * dt, True, True)
 
     @ti.func
     def kick_stage(
@@ -229,20 +254,24 @@ class Splitting(Integrator):
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """A stage whose coefficients are looked up while the kernel runs, so that all stages share one copy of the code."""
         # dt comes first in products: in a tangent it is a number of its own kind, and such a number must be on the left.
-        node, kick, drift, early, late = 0.0, 0.0, 0.0, 0.0, 0.0
+        node, kick, drift, early, late, end = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 node, kick, drift = self.entries[c]
                 if ti.static(total_force.has_rods):
                     early, late = self.drift_parts[c]
+                if ti.static(total_force.has_paths):
+                    end = self.ends[c]
         sums = ti.static(self.sums(1, total_force))
         if ti.static(total_force.has_rods):
             self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, 0.0, sums, False)
-            total_force.rods.drift(state, first, early * dt)
+            total_force.rods.drift(state, total_force, first, early * dt, time, dt * (node + early))
             if ti.static(self.most_parts > 1):
-                total_force.rods.drift(state, first, late * dt)
+                total_force.rods.drift(state, total_force, first, late * dt, time, dt * end)
         else:
             self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, dt * drift, sums, True)
+            if ti.static(total_force.has_paths):
+                total_force.paths.put(state, first, time + dt * end, True, True)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
@@ -290,7 +319,7 @@ class Splitting(Integrator):
                 if ti.static(drifts):
                     drift_particle(state, i, drift_time, 2 * k + 1)
         if ti.static(total_force.has_rods):
-            total_force.rods.project(state, first, state.velocity)
+            total_force.rods.project(state, first, state.velocity, 1.0)
         # The kicks of other particles read the positions, so the drift is a loop of its own.
         if ti.static(drifts and (sums or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
@@ -349,7 +378,8 @@ class Splitting(Integrator):
                 else:
                     state.scratch[s][i] = slope  # the velocity stays: the slopes of other particles read it
             if ti.static(total_force.has_rods and s < len(end) - 1):
-                total_force.rods.project(state, first, state.scratch[s])
+                # All slopes hold the first slope, and the weights of all slopes add up to 1.
+                total_force.rods.project(state, first, state.scratch[s], h * (1.0 if s == 0 else end[s]))
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, h, 2 * stage, state.scratch[0][i])

@@ -28,8 +28,8 @@ class Langevin(Splitting):
     The numbers N are a function of the seed, of the particle and of the step: a run has the same bits however it is cut, and on
     any number of threads. They are computed in f32 in every precision. In a sweep each row has the same N, unless `seed` is
     swept. The energy that the bath gives is booked as `heat` in the energy balance. Contacts take place during both drifts.
-    Refused: particles without mass, rigid rods, merging spheres, precisions with low parts, quantities that need a tangent,
-    accuracy studies, and negative steps, since heat does not flow backwards.
+    Refused: particles without mass, rigid rods, bodies on paths, merging spheres, precisions with low parts, quantities that
+    need a tangent, accuracy studies, and negative steps, since heat does not flow backwards.
     Source: Leimkuhler & Matthews, Appl. Math. Res. Express 2013 (2013) 34, where the method is named BAOAB.
     """
 
@@ -46,6 +46,7 @@ class Langevin(Splitting):
     time_reversible = False
     takes_low_parts = False
     takes_rods = False
+    takes_paths = False
     takes_any_numbers = False
     needs = frozenset({"mass"})
     memory = ("acceleration", "noise_step", "heat_taken")

@@ -138,6 +138,8 @@ def _reason(found: Mapping[str, Any]) -> str:
         return "a bath of heat changes it"
     if "contacts" in found:
         return "contacts or walls change it"
+    if "driven_bodies" in found:
+        return "work is done on bodies on paths"
     broken = found.get("spring_limits", {"lost_energy": 0.0})["lost_energy"] != 0.0
     return "springs broke or yielded" if broken else "a force does work here"
 

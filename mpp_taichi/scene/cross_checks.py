@@ -4,6 +4,7 @@ from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
+from mpp_taichi.scene.path_checks import check_paths
 from mpp_taichi.scene.periodic_forces import check_periodic_forces
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
@@ -19,6 +20,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     _check_accuracy(spec, tree, faults)
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
+    check_paths(spec, tree, faults)
     check_tree(spec, faults)
     check_periodic_forces(spec, faults)
     names = [entry.label for entry in spec.forces]

@@ -305,6 +305,14 @@ class SceneSpec:
         """Whether a slider may give damping to springs without damping."""
         return any(slider.steps[-1] == "damping" for slider in self.sliders)
 
+    @cached_property
+    def driven_entries(self) -> list[tuple[int, ComponentSpec]]:
+        """Number and entry of each entry of `particles:` whose body moves on a given path."""
+        takers = {name for name in {each.name for each in self.particles} if component.flag("generators", name, "takes_path")}
+        return [
+            (k, each) for k, each in enumerate(self.particles) if each.name in takers and each.parameters["path"] is not None
+        ]
+
     @property
     def rigid_entries(self) -> list[tuple[int, ComponentSpec]]:
         """Number and entry of each entry of `springs:` that makes rods in place of springs."""

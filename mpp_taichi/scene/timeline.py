@@ -12,6 +12,7 @@ from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.formulas.fields import FormulaText
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
@@ -196,6 +197,8 @@ def _same(one: Any, other: Any) -> bool:
     """Whether two values of a parameter are equal; formulas are compared by their text and their constants."""
     if isinstance(one, Formula) and isinstance(other, Formula):
         return one.expression.text == other.expression.text and one.constants == other.constants
+    if isinstance(one, FormulaText) and isinstance(other, FormulaText):
+        return str(one) == str(other) and one.constants == other.constants
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same, one, other))
     return bool(one == other)

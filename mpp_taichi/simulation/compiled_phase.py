@@ -17,6 +17,7 @@ from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
+from mpp_taichi.simulation.constraints import driven_bodies_of, moved_ahead, rods_of
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
@@ -55,9 +56,10 @@ class CompiledPhase:
         """Import the components that the phase names, allocate its fields and fill them."""
         # Taichi code is imported here and not before, and only the components that the scene names.
         from mpp_taichi.energy.energy_meter import EnergyMeter
+        from mpp_taichi.forces._composition import compose
         from mpp_taichi.forces._fewer_pairs import fewer_pairs
         from mpp_taichi.forces._spring_limits import with_limits
-        from mpp_taichi.forces._total_force import TotalForce, compose
+        from mpp_taichi.forces._total_force import TotalForce
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
         from mpp_taichi.step.choose import launcher_for, settle_plan
@@ -66,15 +68,11 @@ class CompiledPhase:
         self.phase, self.work, self.device, self.replica_starts = phase, phase.work, device, replica_starts
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         two_parts = forces_have_low_parts(device.precision)
-        rods = None
-        if len(start.rods):
-            from mpp_taichi.solvers.rod_projection import RodProjection  # only for scenes that have rods
-
-            refusals.check_rods(spec, device)
-            rods = RodProjection(start, spec.dimensions)
+        rods = rods_of(spec, start, device)
         self.has_tangent = bool(tangent_quantities(spec))
         self.copies = copies_of(spec, start)
         self.replica_count = self.copies * max(1, len(replica_starts))
+        paths = driven_bodies_of(spec, start, device, plan=plan, replica_count=self.replica_count)
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
         limited, limits = with_limits(start, self.live.forces)
@@ -86,6 +84,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
             rods=rods,
+            paths=paths,
             fewer=fewer_pairs(self, forces, asked=plan),
             limits=limits,
         )
@@ -229,7 +228,7 @@ class CompiledPhase:
         starts = [each for each in self.replica_starts for _ in range(self.copies)]
         if starts:
             self.state.write_properties(starts)
-        self.state.write_snapshots([replace(each, velocity=each.velocity * each.free) for each in starts or (start,)])
+        self.state.write_snapshots([replace(each, velocity=each.velocity * each.moving) for each in starts or (start,)])
         self._place_springs(start)
         if self.tangent is not None:
             self.tangent.begin()
@@ -248,7 +247,7 @@ class CompiledPhase:
     def take_over(self, earlier: "CompiledPhase", dt: float, step: int) -> None:
         """Go on at this step from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
         if earlier is not self:
-            self.state.take_over(earlier.state, self.particles.free)
+            self.state.take_over(earlier.state, self.particles.moving)
             if self.total_force.has_limits:
                 self.total_force.limits.take_over(self.state, earlier.state)
         self._begin_afresh(dt, step)
@@ -333,9 +332,7 @@ class CompiledPhase:
             found = self.snapshot(clock)
             self.restore(saved)
             return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)
-        now = self.snapshot(clock)
-        place = now.position + now.velocity * offset
-        return now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
+        return moved_ahead(self.spec, self.snapshot(clock), offset)
 
     # Meters
 

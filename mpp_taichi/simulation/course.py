@@ -14,6 +14,7 @@ from mpp_taichi.scene.load import change_scene
 from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
+from mpp_taichi.simulation.constraints import check_on_paths
 from mpp_taichi.simulation.first_bad_step import label
 from mpp_taichi.snapshot import Rods, Snapshot, Springs
 from mpp_taichi.start.assemble import assemble, springs_of
@@ -74,7 +75,7 @@ def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
         made = assemble(event.scene, placed_as=spec)
         _check_limits(phases[-1].particles.springs, made.springs, event)
         particles = replace(
-            made, position=start.position, velocity=start.velocity * made.free, rods=_rods_of(phases[-1], made, event)
+            made, position=start.position, velocity=start.velocity * made.moving, rods=_rods_of(phases[-1], made, event)
         )
         phases.append(Phase(event.at, event.scene, particles, event.changes))
     return tuple(phases)
@@ -197,4 +198,6 @@ def course_of(spec: SceneSpec, start: Snapshot | None) -> Course:
     phases = phases_of(spec)
     first = phase_at(phases, 0.0 if start is None else start.time)
     made = phases[first].particles
+    if start is not None:
+        check_on_paths(phases[first].spec, start)
     return Course(spec, phases, first, made if start is None else start.continuing(made))

@@ -34,6 +34,10 @@ class RodProjection:
     directions G that the rods have now: G v = 0. A kick is projected in the same way. Each such drift is symplectic and
     symmetric, and so are the compositions of drifts and kicks that are symmetric without rods.
 
+    An end may be on a given path x(t): it is put at the end of the drift before the impulses, and has the velocity x′ of the
+    begin in the first part and of the end in the second, so that the drift stays symmetric. The work −J·x′ of the agent
+    against the impulses J of rods on it is summed.
+
     The impulses of a round solve G₀ M⁻¹ G₀ᵀ μ = −c/h by LDLᵀ of a band in the order of `rod_band`, in O(n) for a chain of n
     rods. In each round the error shrinks by about the angle that rods turn in the drift. One thread does all, in a fixed order.
     Source: Ryckaert, Ciccotti & Berendsen, J. Comput. Phys. 23 (1977) 327 (SHAKE); Andersen, J. Comput. Phys. 52 (1983) 24
@@ -49,6 +53,8 @@ class RodProjection:
         self.rod_count, self.product_count = len(self.band.first), len(self.band.row)
         self.width = self.band.width
         self.stride = self.width + 1
+        self.driven = len(snapshot.driven) > 0
+        self.memory = ("rod_work",) if self.driven else ()
 
     # Host
 
@@ -62,6 +68,7 @@ class RodProjection:
             **{f"rod_product_{name}": ("index", self.product_count) for name in ("row", "column", "particle")},
             "rod_product_sign": ("scalar", self.product_count),
             "rod_counts": ("index", COUNTS),
+            **({"rod_work": ("wide", 1)} if self.driven else {}),
         }
 
     def fill(self, state: Any) -> None:
@@ -92,6 +99,10 @@ class RodProjection:
         worst = failed[int(np.argmin(failed[:, 0]))]
         return int(worst[0]), int(worst[1]) - 1, bool(worst[2])
 
+    def work(self, state: Any) -> float:
+        """Work that the agents that move ends of rods have done on the rods of the first replica since the start [energy]."""
+        return float(state.rod_work[0]) if self.driven else 0.0
+
     def loop_iterations(self) -> int:
         """Loop iterations of one thread in one drift and one kick, roughly, with a usual number of rounds."""
         return 30 * (self.product_count + self.rod_count * self.stride * self.stride)
@@ -120,9 +131,10 @@ class RodProjection:
         return first + state.rod_first[r], first + state.rod_second[r]
 
     @ti.func
-    def drift(self, state: Template, first, time):
+    def drift(self, state: Template, total_force: Template, first, time, begin, end):
         """x += h v with all lengths kept, h the `time`, and velocities across the rods; one loop at top level of a kernel.
 
+        Bodies on given paths are put where they are at the time `begin` + `end`, at which the drift ends.
         Nothing is done where h is 0. Before the motion and after it the same text runs, which halves the time of compilation.
         """
         for _ in range(1):
@@ -132,6 +144,10 @@ class RodProjection:
                     if after == 0:
                         for i in range(first, first + self.particle_count):
                             drift_particle(state, i, time, 0)
+                        if ti.static(self.driven):
+                            total_force.paths.put(state, first, begin + end, True, False)
+                    elif ti.static(self.driven):
+                        total_force.paths.put(state, first, begin + end, False, True)
                     self.impulses(state, first, time, after)
 
     @ti.func
@@ -168,6 +184,8 @@ class RodProjection:
                     i, j = self.ends(state, first, r)
                     push = state.rod_impulse[base + r] * state.rod_direction[base + r]
                     one, other = -self.inverse_mass(state, i) * push, self.inverse_mass(state, j) * push
+                    if ti.static(self.driven):
+                        self.book(state, first, i, j, push)
                     state.velocity[i] = state.velocity[i] + one
                     state.velocity[j] = state.velocity[j] + other
                     if after == 0:  # the velocity was so from the beginning of the drift
@@ -177,8 +195,11 @@ class RodProjection:
             rounds += 1
 
     @ti.func
-    def project(self, state: Template, first, vectors: Template):
-        """Take from velocities, or from their changes, the part by which rods would become longer; one loop."""
+    def project(self, state: Template, first, vectors: Template, weight):
+        """Take from velocities, or from their changes, the part by which rods would become longer; one loop.
+
+        Changes enter the velocities with a `weight`.
+        """
         for _ in range(1):
             self.factor(state, first)
             base = self.replica(first) * self.rod_count
@@ -189,8 +210,20 @@ class RodProjection:
                 for r in range(self.rod_count):
                     i, j = self.ends(state, first, r)
                     push = state.rod_impulse[base + r] * state.rod_direction[base + r]
+                    if ti.static(self.driven):
+                        self.book(state, first, i, j, weight * push)
                     vectors[i] = vectors[i] - self.inverse_mass(state, i) * push
                     vectors[j] = vectors[j] + self.inverse_mass(state, j) * push
+
+    @ti.func
+    def book(self, state: Template, first, i, j, push):
+        """Add the work of the agents that move i or j, on which a rod acts with the impulses push and −push."""
+        at, done = self.replica(first), ti.cast(0.0, state.wide)
+        for k in ti.static(range(self.dimensions)):
+            held_i, held_j = 1.0 - state.free[i][k], 1.0 - state.free[j][k]
+            rate = held_i * state.velocity[i][k] - held_j * state.velocity[j][k]
+            done += ti.cast(push[k], state.wide) * ti.cast(rate, state.wide)
+        state.rod_work[at] = state.rod_work[at] + done
 
     @ti.func
     def set_closing(self, state: Template, first, r, vectors: Template):

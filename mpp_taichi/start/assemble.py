@@ -2,6 +2,7 @@
 
 import bisect
 import itertools
+import logging
 from dataclasses import replace
 from typing import Any
 
@@ -15,11 +16,14 @@ from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
+from mpp_taichi.scene.path_checks import warned_kinks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import PARTICLE_ARRAYS, ROD_ARRAYS, Rods, Snapshot, Springs
 from mpp_taichi.start.overlaps import start_of_contacts
 from mpp_taichi.start.rod_checks import check_rods
+
+log = logging.getLogger(__name__)
 
 
 def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
@@ -33,11 +37,13 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
-    arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # along a held axis a given velocity is ignored
+    driven = tuple(layout.starts[number] for number, _ in spec.driven_entries)
     springs = _link(spec, layout, rest_position)
     merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
     rods = _rods(spec, arrays["position"])
-    snapshot = Snapshot(**arrays, name=names, springs=springs, rods=rods, merged_into=merged_into)
+    snapshot = Snapshot(**arrays, name=names, springs=springs, rods=rods, merged_into=merged_into, driven=driven)
+    # Along a held axis a given velocity is ignored.
+    snapshot = replace(snapshot, velocity=np.where(snapshot.moving, snapshot.velocity, 0.0))
     check_physics(spec, snapshot, layout, moved=placed_as is not None)
     check_rods(spec, snapshot, layout, moved=placed_as is not None)
     if placed_as is None:
@@ -45,6 +51,8 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
         _warn_of_formulas(spec)
         if spec.contacts is not None:
             snapshot = start_of_contacts(spec, snapshot, layout)
+        for place, told in warned_kinks(spec):
+            log.warning("%s: %s", place, told)
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
 
 

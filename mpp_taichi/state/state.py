@@ -189,7 +189,7 @@ class State:
         if self.merges:
             arrays |= self._spheres(snapshot)
         self._write(arrays)
-        self.write(snapshot.position, snapshot.velocity * snapshot.free)
+        self.write(snapshot.position, snapshot.velocity * snapshot.moving)
 
     @property
     def _dtype(self) -> type:

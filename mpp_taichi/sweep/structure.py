@@ -104,6 +104,8 @@ def why_alone(spec: SceneSpec) -> str:
         return "a tree is built by all threads for one copy"
     if acts_across_faces(spec):
         return "lists of neighbours are made by all threads for one copy"
+    if spec.driven_entries:
+        return "bodies on a path are moved for one copy at a time"
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
     if spec.limited_springs:
@@ -116,6 +118,9 @@ def _entries(spec: SceneSpec) -> Iterator[tuple[str, ComponentSpec]]:
     for kind in ("forces", "walls"):
         for entry in getattr(spec, kind):
             yield kind, entry
+    for number, entry in spec.driven_entries:  # the path, with its constants, is compiled into the step
+        told = tuple((str(text), tuple(sorted(text.constants.items()))) for text in entry.parameters["path"])
+        yield "path", replace(entry, parameters={"number": number, "path": told})
 
 
 def _told(parameters: dict[str, Any]) -> str:

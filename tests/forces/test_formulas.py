@@ -10,7 +10,7 @@ from compiled import CompiledForces, random_snapshot
 from mpp_taichi import Simulation, component
 from mpp_taichi.device import backends
 from mpp_taichi.errors import PrecisionError, SceneError
-from mpp_taichi.forces._total_force import built
+from mpp_taichi.forces._composition import built
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 from mpp_taichi.scene.formulas.external_law import external_law
 from mpp_taichi.scene.formulas.fields import FormulaText

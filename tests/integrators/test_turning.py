@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from mpp_taichi import Simulation
 from mpp_taichi.device.backends import start
-from mpp_taichi.forces._total_force import compose
+from mpp_taichi.forces._composition import compose
 from mpp_taichi.integrators._turning import only_turns
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble

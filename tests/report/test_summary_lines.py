@@ -148,6 +148,10 @@ def test_the_scene_is_counted(more, expected):
     [
         ({"conserves_energy": False}, "energy 0.0011 (a force does work here), momentum 0.00022, angular momentum 3.3e-05"),
         (
+            {"conserves_energy": False, "driven_bodies": 1},
+            "energy 0.0011 (work is done on bodies on paths), momentum 0.00022, angular momentum 3.3e-05",
+        ),
+        (
             {"conserves_energy": False, "contacts": CONTACTS, "conserved_energy_error_max": 4.4e-6},
             "energy 0.0011 (contacts or walls change it), 4.4e-06 where none does, momentum 0.00022, angular momentum 3.3e-05",
         ),

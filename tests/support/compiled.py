@@ -5,7 +5,8 @@ import taichi as ti
 
 from mpp_taichi import component
 from mpp_taichi.energy.energy_meter import EnergyMeter, PowerMeter
-from mpp_taichi.forces._total_force import TotalForce, built
+from mpp_taichi.forces._composition import built
+from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.scene.formulas.fields import FormulaText
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.spec import ComponentSpec

@@ -1,0 +1,103 @@
+"""Checks of bodies on given paths: formulas that are no path, and parts of a scene that do not go with such bodies."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.scene.asked_quantities import tangent_quantities
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.expressions import ExpressionError, parse
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.pair_forces import is_pair_force
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+
+MOST_DRIVEN = 32
+"""Bodies on paths in a scene: the formulas of each are a part of the kernels, which take longer to compile with each body."""
+TIMES_TRIED = 1001  # from 0 to the end of the run, at which a path must have a place, a velocity and an acceleration
+
+
+def paths_of(spec: SceneSpec) -> list[Any]:
+    """The paths (PathLaw) of all bodies that are on one, in the order of the scene; SymPy is imported where there is one."""
+    if not spec.driven_entries:
+        return []
+    from mpp_taichi.scene.formulas.path_law import path_law
+
+    return [path_law(entry.parameters["path"]) for _number, entry in spec.driven_entries]
+
+
+def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    """Refuse paths that are no finite numbers during the run, and all that bodies on paths do not go with."""
+    if not spec.driven_entries:
+        return
+    for number, entry in spec.driven_entries:
+        _check_formulas(spec, number, entry, tree, faults)
+        _check_mass(spec, number, entry, faults)
+    number, first = spec.driven_entries[0]
+    for reason in _reasons(spec):
+        faults.add(first.location, f"particles[{number}].{first.name}.path", reason)
+    if len(spec.driven_entries) > MOST_DRIVEN:
+        number, entry = spec.driven_entries[MOST_DRIVEN]
+        told = f"{len(spec.driven_entries)} bodies of the scene are on a path, allowed: {MOST_DRIVEN}"
+        faults.add(entry.location, f"particles[{number}].{entry.name}.path", told)
+
+
+def _reasons(spec: SceneSpec) -> Iterator[str]:
+    """The parts of a scene in which a body cannot be on a path."""
+    if spec.contacts is not None:
+        yield "a body on a path cannot be beside contacts:, for it would have to push spheres that it meets"
+    for name in (wall.name for wall in spec.walls if wall.flag("walls", "repeats")):
+        yield f"a body on a path cannot be in a {name}, whose faces it may cross"
+    if spec.move_to_center_of_mass:
+        yield "a path is given in the frame of the scene, so move_to_center_of_mass is not allowed beside it"
+    if spec.accuracy is not None:
+        yield "accuracy: compares methods that do not move bodies on a path, choose the integrator yourself"
+    if wanted := tangent_quantities(spec):
+        yield f"{' and '.join(wanted)} needs the derivative of every step, which bodies on a path do not have"
+
+
+def _check_formulas(spec: SceneSpec, number: int, entry: ComponentSpec, tree: Node, faults: Faults) -> None:
+    """Note the place of each formula; refuse a text that is no formula of t, and a path with a place that is no number."""
+    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
+
+    texts, key = entry.parameters["path"], f"particles[{number}].{entry.name}.path"
+    listed = tree.get("particles")
+    node = None if listed is None else listed.value[number].value[entry.name].get("path")
+    nodes = node.value if node is not None and isinstance(node.value, list) else [tree] * len(texts)
+    for text, each in zip(texts, nodes):
+        text.place = each.place_of(0)
+    try:
+        law = path_law(texts)
+    except ExpressionError as error:
+        which = getattr(error, "formula", 0)
+        faults.add(nodes[which].place_of(error.offset), f"{key}[{which}]", str(error))
+        return
+    end = spec.run.duration or 0.0
+    bad = law.first_bad(np.linspace(0.0, end, TIMES_TRIED if end else 1))
+    if bad is not None:
+        which, what, time = bad
+        faults.add(
+            texts[which].place, f"{key}[{which}]", f"{what} is no finite number at t = {time:g}, must be one at all times"
+        )
+
+
+def _check_mass(spec: SceneSpec, number: int, entry: ComponentSpec, faults: Faults) -> None:
+    """Refuse a body without mass that has pair forces other than gravity: the force on it is computed from its acceleration."""
+    others = [
+        force.label for force in spec.forces if is_pair_force(force.name) and not force.flag("forces", "proportional_to_mass")
+    ]
+    if entry.parameters["mass"] == 0.0 and others:
+        told = f"a body on a path needs a mass above 0 beside {others[0]}, for the work on it"
+        faults.add(entry.location, f"particles[{number}].{entry.name}.mass", told)
+
+
+def warned_kinks(spec: SceneSpec) -> Iterator[tuple[Any, str]]:
+    """The place and the function of each kink in a path, at which a step loses its order."""
+    if not spec.driven_entries:
+        return
+    from mpp_taichi.scene.formulas.grammar import kinks  # with SymPy
+
+    for number, entry in spec.driven_entries:
+        for text in entry.parameters["path"]:
+            for name, _character in kinks(parse(text)):
+                yield text.place, f"particles[{number}].{entry.name}.path: {name} has a kink, at which a step loses its order"
