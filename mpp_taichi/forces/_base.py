@@ -11,6 +11,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import components, vector_of, where
 from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
 
@@ -35,6 +36,8 @@ class Force:
     has_functions: tuple[str, ...] = ()  # exponentials, say, which Vulkan has in f32 only
     turns = False  # depends on velocity by a term v × Ω alone, with an Ω of place and time, as a magnetic force
     is_formula = False  # has its law from a formula (scene/formulas/)
+    gathers = False  # reads a number of all particles, which `meet` sums up before each sum of the forces
+    encloses = False  # the particles of the parameter `of` are the corners of a closed skin
     takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
     takes_low_parts = True  # and in df64; double-single numbers have no exponentials, say, and no time
     has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own
@@ -72,6 +75,17 @@ def felt_vector(state: Any, i: Any, group: tuple[int, int] | None, vector: Any) 
 
 class ExternalForce(Force):
     """A force that acts on each particle by itself."""
+
+    def see(self, start: Snapshot) -> None:
+        """Take what the force needs to know of the particles at the start of the scene."""
+
+    def work_fields(self) -> dict[str, tuple[str, int]]:
+        """Kind and count of the fields that the force needs in the state, by name."""
+        return {}
+
+    @ti.func
+    def meet(self, state: Template, first, time):
+        """Look at all particles before a sum of the forces, where the force `gathers`."""
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):

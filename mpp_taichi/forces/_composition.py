@@ -3,7 +3,7 @@
 from typing import Any, cast
 
 from mpp_taichi import component
-from mpp_taichi.forces._base import Force
+from mpp_taichi.forces._base import ExternalForce, Force
 from mpp_taichi.scene.formulas.laws import PREFIX, live_names
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -12,6 +12,9 @@ from mpp_taichi.snapshot import Snapshot
 def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
     """Import and build the forces that a scene names, and the force of its springs where it has springs."""
     forces = [built(entry) for entry in spec.forces]
+    for force in forces:
+        if isinstance(force, ExternalForce):
+            force.see(snapshot)
     if len(snapshot.springs):
         damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
         damping = spec.spring_damping if damped else "none"

@@ -65,6 +65,7 @@ class TotalForce:
         self.dimensions = dimensions
         pairs = tuple(part for force in forces if isinstance(force, PairForce) for part in parts_of(force))
         self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
+        self.looks = (*((limits,) if self.has_limits else ()), *(force for force in self.external if force.gathers))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1
         self.pair_forces = pairs
@@ -110,7 +111,7 @@ class TotalForce:
 
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """The fields that the sum needs in the state: kind and count by name."""
-        owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits)
+        owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits, *self.external)
         return {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
 
     @property
@@ -262,10 +263,15 @@ class TotalForce:
             self.end_sum(state, first)
 
     @ti.func
+    def look(self, state: Template, first, time):
+        """Before a sum: break springs, and sum up the numbers of all particles that forces read."""
+        for part in ti.static(self.looks):
+            part.meet(state, first, time)
+
+    @ti.func
     def begin_sum(self, state: Template, first, time):
         """state.acceleration = external forces and springs."""
-        if ti.static(self.has_limits):
-            self.limits.meet(state, first, time)
+        self.look(state, first, time)
         for i in range(first, first + self.particle_count):
             if ti.static(self.has_pairs_alone):
                 put_vector(state.acceleration, i, zero_vector(state))

@@ -301,8 +301,8 @@ class Splitting(Integrator):
         drifts: Template,
     ):
         """v += kick time × a, then x += drift time × v, of stage k; a is summed here, or was summed into state.acceleration."""
-        if ti.static(total_force.has_limits and sums):
-            total_force.limits.meet(state, first, time)
+        if ti.static(sums):
+            total_force.look(state, first, time)
         if ti.static(only_turns(total_force)):
             self.turning_kick(state, total_force, first, time, k, kick_time, sums)
         elif ti.static(total_force.depends_on_velocity):

@@ -25,7 +25,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -59,6 +59,21 @@ def _hinges(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
             yield entry.location, f"{where}: cannot be beside {bonds[0]}, which acts along every spring, those of hinges too"
         if spec.limited_springs:
             yield entry.location, f"{where}: cannot be beside springs that break or yield: a hinge needs whole links"
+
+
+def _skins(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Closed skins that are none: outside the plane, with fewer than three corners, or without an area."""
+    for number, entry in enumerate(spec.forces):
+        if not entry.flag("forces", "encloses"):
+            continue
+        where, (first, count) = f"forces[{number}].{entry.name}", entry.parameters["of"]
+        x, y = snapshot.position[first : first + count, :2].T
+        if spec.dimensions != 2:
+            yield entry.location, f"{where}: a skin is a curve in the plane, must be in a scene with dimensions: 2"
+        elif count < 3:
+            yield entry.location, f"{where}.of: has {count} particles, must have three or more, the corners of a closed skin"
+        elif not np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)):
+            yield entry.location, f"{where}.of: its corners enclose no area at the start"
 
 
 def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -108,6 +108,8 @@ def why_alone(spec: SceneSpec) -> str:
         return "bodies on a path are moved for one copy at a time"
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
+    if spec.forces_with("gathers"):
+        return "the area inside a skin is that of one copy"
     if spec.limited_springs:
         return "springs break and yield in one copy at a time"
     return ""

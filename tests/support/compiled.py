@@ -5,6 +5,7 @@ import taichi as ti
 
 from mpp_taichi import component
 from mpp_taichi.energy.energy_meter import EnergyMeter, PowerMeter
+from mpp_taichi.forces._base import ExternalForce
 from mpp_taichi.forces._composition import built
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.scene.formulas.fields import FormulaText
@@ -58,13 +59,14 @@ FORMULAS = {
 
 
 def build_force(name, dimensions=3):
-    """An instance with every parameter that has no default set to 0.7, or to a vector of that size."""
+    """An instance with every parameter that has no default set to 0.7, to a vector of that size, or to four particles."""
     from mpp_taichi.component import REQUIRED
 
     values = {"float": 0.7, "Vector": (0.7, -0.6, 0.5)}
     values["AxialVector"] = values["Vector"] if dimensions == 3 else (0.0, 0.0, 0.5)
     declared = component.declaration("forces", name).parameters
     parameters = {p.name: values.get(p.type) for p in declared if p.default is REQUIRED or p.optional}
+    parameters |= {p.name: (0, 4) for p in declared if p.default is REQUIRED and p.type == "Particles"}
     parameters |= {key: FormulaText(text, {}, dimensions) for key, text in FORMULAS.get(name, {}).items()}
     given = {p.name: p.default for p in declared if p.default is not REQUIRED and p.type != "Numbers"} | parameters
     return built(ComponentSpec(name, given, Location("a test", 1, 1)))
@@ -75,6 +77,9 @@ class CompiledForces:
     """TotalForce and State of a snapshot, with host functions for what they give."""
 
     def __init__(self, forces, snapshot, *, dimensions=3, shape="serial"):
+        for force in forces:
+            if isinstance(force, ExternalForce):
+                force.see(snapshot)
         self.total_force = TotalForce(tuple(forces), snapshot.particle_count, dimensions)
         self.shape = shape
         self.state = State(
@@ -82,6 +87,7 @@ class CompiledForces:
             dimensions=dimensions,
             needs=self.total_force.needs,
             scratch_count=0,
+            work=self.total_force.work_fields(),
             layout=VectorLayout.BY_COMPONENT if self.total_force.has_pairs else VectorLayout.BY_PARTICLE,
         )
         self.meter = EnergyMeter(self.state, self.total_force)
