@@ -72,7 +72,7 @@ def _check_formulas(spec: SceneSpec, number: int, entry: ComponentSpec, tree: No
         which = getattr(error, "formula", 0)
         faults.add(nodes[which].place_of(error.offset), f"{key}[{which}]", str(error))
         return
-    end = spec.run.duration or 0.0
+    end = spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
     bad = law.first_bad(np.linspace(0.0, end, TIMES_TRIED if end else 1))
     if bad is not None:
         which, what, time = bad
