@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.compare.numpy_bonds import BondTerm
 from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits, PairTerm, pair_energy, pair_magnitude, pair_sum
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
 from mpp_taichi.scene.groups import between_groups, is_in
@@ -93,8 +94,8 @@ def refusal(spec: SceneSpec) -> str | None:
 
 
 def has_reference(force: Any) -> bool:
-    """Whether the reference evaluates a formula: it is no bond, and has neither radii nor a time."""
-    if not is_formula(force.name) or force.law.kind == "bond":
+    """Whether the reference evaluates a formula: it has neither radii nor a time."""
+    if not is_formula(force.name):
         return False
     return "radius" not in force.law.needs and not force.flag("forces", "depends_on_time")
 
@@ -119,7 +120,10 @@ class NumpyForces:
         self.full = spec.spring_damping == "full"
         formulas = [(force.law, _numbers(force), force) for force in spec.forces if is_formula(force.name)]
         self.pair_laws = [each for each in formulas if is_pair_force(each[2].name)]
-        fields = [each for each in formulas if not is_pair_force(each[2].name)]
+        fields = [each for each in formulas if each[0].kind == "field"]
+        self.bonds = [
+            BondTerm.of(law, live, force.parameters["of"], given.between) for law, live, force in formulas if law.kind == "bond"
+        ]
         everyone = np.arange(given.mass.shape[1])
         all_feel = (0, len(everyone))
         self.field_laws = [
@@ -148,6 +152,8 @@ class NumpyForces:
             away, length = self._lengths(position)
             with np.errstate(divide="ignore", invalid="ignore"):
                 along = np.where(length > 0.0, given.stiffness * (length - given.rest_length) / length, 0.0)
+            for bond in self.bonds:
+                along = along + bond.pull(length, given.rest_length)
             result += self._over_mass(self._both_ends(along[..., None] * away))
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
 
@@ -276,6 +282,8 @@ class NumpyForces:
                 else:
                     damper = given.damping * np.sum(closing * np.abs(away), axis=2) / length**2
                     force = np.where(length > 0.0, stretch / length + damper, 0.0)[..., None] * np.abs(away)
+            for bond in self.bonds:
+                force = force + bond.magnitude(length, given.rest_length)[..., None] * np.abs(away)
             terms += self._over_mass(self._both_ends(force, sign=1.0))
         allowed = given.free > 0.0
         return np.where(allowed, terms, 0.0)[:, rows], np.where(allowed, more, 0.0)[:, rows]
@@ -285,7 +293,7 @@ class NumpyForces:
         given = self.bodies
         count = given.mass.shape[1]
         springs = int(np.bincount(given.between.ravel(), minlength=1).max()) if self.has_springs else 0
-        return len(self._pair_forces()) * (count - 1) + springs + 2
+        return len(self._pair_forces()) * (count - 1) + springs * (1 + len(self.bonds)) + 2
 
     # Energies
 
@@ -313,6 +321,8 @@ class NumpyForces:
         if self.has_springs:
             _, length = self._lengths(position)
             potential = potential + 0.5 * np.sum(given.stiffness * (length - given.rest_length) ** 2, axis=1)
+            for bond in self.bonds:
+                potential = potential + bond.energy(length, given.rest_length)
         return np.stack([kinetic, potential], axis=1)
 
 

@@ -120,6 +120,65 @@ def test_the_running_error_analysis_bounds_the_errors_in_f32(text):
     assert np.median(bound) < 1000 * np.median(error)
 
 
+BONDS = {
+    "morse": {"bond": {"potential": "D*(1 - exp(-a*(l - l0)))^2", "parameters": {"D": 5, "a": 2, "l0": 1}}},
+    "stiffening": {"bond": {"potential": "k*(l - rest)^4 + sqrt(l^2 + 1)", "parameters": {"k": 0.7}}},
+    "of some": {"bond": {"potential": "2*log(l)", "of": "chain"}},
+}
+
+
+def bonded(force, **more):
+    """Sixty particles, of which all neighbours in the list are linked, and half of them are a group."""
+    particles = [
+        {"lattice": {"name": "chain", "shape": [30], "lower": [0, 0, 0], "upper": [3, 0, 0], "scatter": [0.3] * 3}},
+        {
+            "lattice": {
+                "name": "other",
+                "shape": [30],
+                "lower": [0, 1, 0],
+                "upper": [3, 1, 0],
+                "mass": 2.0,
+                "scatter": [0.3] * 3,
+            }
+        },
+    ]
+    springs = [{"lattice_links": {"of": each, "stiffness": 1.5, "damping": 0.1}} for each in ("chain", "other")]
+    springs.append({"link": {"between": ["chain[0]", "other[0]"], "stiffness": 2.0, "rest_length": 0.4}})
+    return load_scene(
+        {"particles": particles, "springs": springs, "forces": [force], "integrator": {"leapfrog": {"dt": 1e-3}}} | more
+    )
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("law", BONDS)
+def test_bonds_agree_with_the_reference_to_rounding(law, precision):
+    ratio = ratio_to_allowance(bonded(BONDS[law]), taichi, precision)
+    assert ratio < 1.0
+    assert ratio > 1e-6 or precision == "f64"
+
+
+@pytest.mark.parametrize("law", BONDS)
+def test_an_error_of_a_bond_is_noticed(monkeypatch, law):
+    from mpp_taichi.forces._formula_bond import FormulaBond
+
+    right = FormulaBond.pull
+    monkeypatch.setattr(FormulaBond, "pull", lambda *given: right(*given) * (1.0 + 1e-4))
+    assert ratio_to_allowance(bonded(BONDS[law]), taichi, "f64") > 100.0
+
+
+@pytest.mark.parametrize("law", BONDS)
+def test_the_energy_of_a_bond_is_that_of_its_force(law):
+    spec = bonded(BONDS[law])
+    start = assemble(spec)
+    reference, step = NumpyForces(spec, bodies(start, 3, ["f64"])), 1e-5
+    still = np.zeros((1, 60, 3))
+    force = reference.acceleration(start.position[None], still)[0] * start.mass[:, None]
+    moved = np.random.default_rng(3).normal(size=(60, 3))
+    sides = [reference.energy((start.position + sign * step * moved)[None], still)[0, 1] for sign in (-1.0, 1.0)]
+    # A difference quotient: off by its third derivative times 1e-10, and by the rounding of the energies over the step.
+    assert (sides[0] - sides[1]) / (2.0 * step) == pytest.approx(np.sum(force * moved), rel=1e-6)
+
+
 def test_energies_of_the_reference_are_those_of_known_forces():
     known = scene_of([{"newtonian_gravity": {"strength": 2.5, "softening": 0.05}}, {"coulomb": {"coulomb_constant": 0.5}}])
     pairs = [
@@ -137,6 +196,7 @@ def test_what_the_reference_lacks_is_named():
     assert refusal(scene_of({"pair": {"potential": "R1*R2/r"}})) == "the NumPy reference has no pair"
     assert refusal(scene_of({"external": {"potential": "x*cos(t)"}})) == "the NumPy reference has no external"
     assert refusal(scene_of(LAWS["morse"])) is None
+    assert refusal(bonded(BONDS["morse"])) is None
 
 
 def test_numbers_beyond_a_precision_are_refused(opencl):
