@@ -27,7 +27,7 @@ def paths_of(spec: SceneSpec) -> list[Any]:
 
 
 def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse paths that are no finite numbers during the run, and all that bodies on paths do not go with."""
+    """Refuse paths that are no finite numbers during the run, and parts of a scene that do not go with bodies on paths."""
     if not spec.driven_entries:
         return
     for number, entry in spec.driven_entries:
