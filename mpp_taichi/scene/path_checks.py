@@ -27,7 +27,7 @@ def paths_of(spec: SceneSpec) -> list[Any]:
 
 
 def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse paths that are no finite numbers during the run, and all that bodies on paths do not go with."""
+    """Refuse paths that are no finite numbers during the run, and parts of a scene that do not go with bodies on paths."""
     if not spec.driven_entries:
         return
     for number, entry in spec.driven_entries:
@@ -72,7 +72,7 @@ def _check_formulas(spec: SceneSpec, number: int, entry: ComponentSpec, tree: No
         which = getattr(error, "formula", 0)
         faults.add(nodes[which].place_of(error.offset), f"{key}[{which}]", str(error))
         return
-    end = spec.run.duration or 0.0
+    end = spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
     bad = law.first_bad(np.linspace(0.0, end, TIMES_TRIED if end else 1))
     if bad is not None:
         which, what, time = bad

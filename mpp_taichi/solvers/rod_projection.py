@@ -217,7 +217,7 @@ class RodProjection:
 
     @ti.func
     def book(self, state: Template, first, i, j, push):
-        """Add the work of the agents that move i or j, on which a rod acts with the impulses push and −push."""
+        """Add the work of the agents that move i or j, on which a rod acts with the impulses −push and push."""
         at, done = self.replica(first), ti.cast(0.0, state.wide)
         for k in ti.static(range(self.dimensions)):
             held_i, held_j = 1.0 - state.free[i][k], 1.0 - state.free[j][k]

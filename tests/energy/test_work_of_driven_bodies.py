@@ -84,7 +84,7 @@ def test_a_body_without_mass_does_the_work_of_its_springs():
 
 
 def test_a_planet_on_a_given_orbit_is_worked_on_through_its_tree_too():
-    """The tree sums the forces of the step, the direct sum the power: the residual is that of the tree."""
+    """The tree sums the forces of the step, the direct sum the power: the residual is an error of the tree."""
     scene = shaken("leapfrog", 0.02, damping=0.0)
     scene["forces"] = [{"newtonian_gravity": {"strength": 0.5, "softening": 0.3, "solver": "tree", "accuracy": 1e-6}}]
     with Simulation(scene, backend="cpu") as simulation:

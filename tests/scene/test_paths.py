@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import math
 
 import pytest
 
@@ -9,6 +10,8 @@ from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.cli import compare
 from mpp_taichi.errors import BackendError, PrecisionError, StateError, UnsupportedError
+from mpp_taichi.exporters._source import Source
+from mpp_taichi.exporters.catalogue import export
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.path_checks import MOST_DRIVEN
 from mpp_taichi.start.assemble import assemble
@@ -220,6 +223,31 @@ def test_a_comparison_with_other_backends_is_refused(tmp_path):
     compare.add_arguments(parser)
     with pytest.raises(UnsupportedError, match="no other backend moves bodies on a path: there is nothing to compare"):
         compare.execute(parser.parse_args([written(tmp_path)]))
+
+
+def test_a_particle_list_has_no_path(tmp_path):
+    spec = load_scene(scene())
+    with pytest.raises(SceneError, match="a particle list has no bodies on paths"):
+        export(Source("scene", assemble(spec), spec), tmp_path / "list.plist")
+
+
+def test_a_path_is_checked_to_the_last_step():
+    given = scene(run={"steps": 300})
+    given["particles"][0]["body"]["path"] = ["0.1*sqrt(2 - t)", 0, 0]
+    with pytest.raises(SceneError, match="is no finite number at t = 2"):
+        load_scene(given)
+
+
+def test_a_repeat_writes_a_path_for_each_body():
+    given = scene(springs=[])
+    given["particles"] = [
+        {"repeat": {"count": 3, "as": "i", "body": {"mass": 1, "path": ["i", "cos(t + {i})", "0.5*{i}*t"]}}},
+        {"body": {"mass": 1.0, "position": [0, 0, 5]}},
+    ]
+    start = assemble(load_scene(given))
+    assert start.driven == (0, 1, 2)
+    assert start.position[:3].tolist() == [[k, math.cos(k), 0.0] for k in range(3)]
+    assert start.velocity[:3].tolist() == [[0.0, -math.sin(k), 0.5 * k] for k in range(3)]
 
 
 def test_a_kink_is_warned_of(tmp_path, caplog):
