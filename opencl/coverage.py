@@ -149,6 +149,8 @@ def _contact_reason(spec: SceneSpec) -> str:
         return f"walls without contacts ({spec.walls[0].name})" if spec.walls else ""
     if spec.contacts.solver.name not in SOLVERS:
         return f"the contact solver {spec.contacts.solver.name}, there is {', '.join(SOLVERS)}"
+    if moved := [surface for surface in enclosure_of(spec).surfaces if surface.motion is not None]:
+        return f"{moved[0].label} with a motion"
     if segments := enclosure_of(spec).segments:
         return f"{segments[0].label}, there are planes, cylinders and spheres"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""

@@ -27,6 +27,7 @@ class ContactSolver:
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
     takes_restitution   whether restitutions may change between two runs of what is compiled: `take_restitution`
+    takes_motions   whether walls may move as formulas say; scenes are checked by this literal value
     takes_heat      whether walls may have a temperature; scenes are checked by this literal value
     takes_tangent   whether it can carry a small deviation of the spheres through flights and collisions
     follows_deviation   whether it does, in the fields `tangent_…` of the state; set before `bind`
@@ -48,6 +49,7 @@ class ContactSolver:
     logs = False
     takes_restitution = False
     takes_heat = False
+    takes_motions = False
     takes_tangent = False
     follows_deviation = False
     in_turn = ""
@@ -150,4 +152,4 @@ class ContactSolver:
     @property
     def gains_no_energy(self) -> bool:
         """Whether contacts cannot add energy: no wall moves or has a temperature."""
-        return not any(any(wall.velocity) or wall.is_thermal for wall in self.setup.enclosure.surfaces)
+        return not any(wall.moves or wall.is_thermal for wall in self.setup.enclosure.surfaces)

@@ -29,6 +29,7 @@ class Pairwise(ContactSolver):
     )
 
     drifts = True
+    takes_motions = True
     order = 1
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -30,6 +30,7 @@ class Swept(ContactSolver):
     order = 2
     drifts = True
     takes_heat = True
+    takes_motions = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

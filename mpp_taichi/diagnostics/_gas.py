@@ -102,7 +102,7 @@ def box_of(spec: SceneSpec) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = np.full(spec.dimensions, -math.inf), np.full(spec.dimensions, math.inf)
     for surface in enclosure.surfaces:
         axes = [axis for axis in range(spec.dimensions) if surface.direction[axis] != 0.0]
-        if surface.kind != "plane" or len(axes) != 1 or any(surface.velocity):
+        if surface.kind != "plane" or len(axes) != 1 or surface.moves:
             raise NoResultError(f"{surface.label} is no wall of a box that stays as it is, so that there is no volume known")
         axis = axes[0]
         if surface.direction[axis] > 0.0:

@@ -9,6 +9,7 @@ from mpp_taichi.scene.periodic_forces import check_periodic_forces
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
 from mpp_taichi.scene.view_checks import check_view
+from mpp_taichi.scene.wall_motions import check_wall_motions
 from mpp_taichi.scene.wanted import wanted_entries
 
 
@@ -21,6 +22,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
     check_paths(spec, tree, faults)
+    check_wall_motions(spec, tree, faults)
     check_tree(spec, faults)
     check_periodic_forces(spec, faults)
     names = [entry.label for entry in spec.forces]

@@ -26,6 +26,7 @@ from mpp_taichi.scene.estimate import LARGEST_COUNT
 from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
+from mpp_taichi.scene.wall_motions import functions_of_motions
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.wording.told_apart import told_apart
@@ -42,6 +43,7 @@ def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device
     Raises:
         UnsupportedError: the solver runs on the CPU only, or elsewhere with fewer spheres only.
         SceneError: a log of events is asked for, and the solver keeps none.
+        PrecisionError: a wall moves by a function that the device lacks in this precision.
     """
     assert spec.contacts is not None
     name = spec.contacts.solver.name
@@ -54,6 +56,11 @@ def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device
         raise UnsupportedError(
             f"the contact solver {name} takes up to {solver.most_elsewhere} spheres on {device.backend}, and here are {count}: "
             "more of them run on the CPU only; use --backend cpu, or solver: pairwise"
+        )
+    called = functions_of_motions(spec) if device.backend == "vulkan" and device.precision == "f64" else []
+    if called:
+        raise PrecisionError(
+            f"the motion of a wall calls {called[0]}, which vulkan has only in f32; use --precision f32 or --backend cpu"
         )
     if logs and not solver.can_log:
         raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")

@@ -95,7 +95,7 @@ def surface_depth(
     surface: Surface, position: np.ndarray, radius: np.ndarray, time: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """The depth of spheres in a wall [length], (n,), negative for spheres outside it, and the direction out of it (n, 3)."""
-    point = np.asarray(surface.point) + time * np.asarray(surface.velocity)
+    point = np.asarray(surface.point) + surface.shift_at(time)
     direction = np.asarray(surface.direction)
     offset = position - point
     if surface.kind == "plane":
@@ -117,7 +117,7 @@ def bounced(surfaces: Sequence[Surface], snapshot: Snapshot, since: float) -> Sn
     position, speed = snapshot.position, np.linalg.norm(snapshot.velocity, axis=1)
     for surface in surfaces:
         depth, outward = surface_depth(surface, position, snapshot.radius, snapshot.time)
-        into = (speed + np.linalg.norm(surface.velocity)) * since
+        into = (speed + surface.speed_at(snapshot.time)) * since
         went_in = (depth > 0.0) & (depth <= into) & snapshot.free.any(axis=1)
         position = np.where(went_in[:, None], position + 2.0 * depth[:, None] * outward, position)
     return replace(snapshot, position=position)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.contacts.events.grid import Grid
+from mpp_taichi.scene.formulas.fields import FormulaText
 from mpp_taichi.scene.formulas.laws import movable
 from mpp_taichi.scene.periodic_forces import acts_across_faces
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
@@ -126,4 +127,11 @@ def _entries(spec: SceneSpec) -> Iterator[tuple[str, ComponentSpec]]:
 
 
 def _told(parameters: dict[str, Any]) -> str:
-    return repr(sorted(parameters.items(), key=lambda item: item[0]))
+    return repr(sorted((name, _with_constants(value)) for name, value in parameters.items()))
+
+
+def _with_constants(value: Any) -> Any:
+    """A parameter, of which formulas tell the constants of the scene that are compiled into the step with them."""
+    if isinstance(value, FormulaText):
+        return str(value), tuple(sorted(value.constants.items()))
+    return tuple(map(_with_constants, value)) if isinstance(value, (tuple, list)) else value

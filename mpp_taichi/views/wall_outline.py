@@ -1,6 +1,7 @@
 """Outlines of walls, for pictures: segments, which follow moving walls. NumPy on the host."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +15,22 @@ FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Segments at time 0, (m, 2, 3) [length], the velocity of each segment, (m, 3) [length / time], and the periodic box."""
+    """Segments at time 0, (m, 2, 3) [length], the velocity of each segment, (m, 3) [length / time], and the periodic box.
+
+    `motions` are the laws of displacements, each with the first of the segments that it moves, and the number of these.
+    """
 
     segments: np.ndarray
     velocity: np.ndarray
     repeating: Enclosure = field(default_factory=Enclosure)
+    motions: tuple[tuple[Any, int, int], ...] = ()
 
     def at(self, time: float) -> np.ndarray:
         """The segments at a time."""
-        return self.segments + time * self.velocity[:, None, :]
+        found = self.segments + time * self.velocity[:, None, :]
+        for law, first, count in self.motions:
+            found[first : first + count] += law.at(time)[0]
+        return found
 
     def inside(self, position: np.ndarray) -> np.ndarray:
         """Positions as they are drawn: of all periodic copies of a particle the copy within the box."""
@@ -39,17 +47,23 @@ def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
         component.build("walls", wall.name, wall.parameters).enclosure(spec.dimensions, wall.name) for wall in spec.walls
     ]
     center, reach = _extent(enclosures, position)
-    parts: list[tuple[np.ndarray, tuple[float, float, float]]] = []
+    parts: list[tuple[np.ndarray, tuple[float, float, float], Any]] = []
     for wall, enclosure in zip(spec.walls, enclosures, strict=True):
         if "lower" in wall.parameters:
-            parts.append((_box(wall.parameters["lower"], wall.parameters["upper"], spec.dimensions), (0.0, 0.0, 0.0)))
+            edges = _box(wall.parameters["lower"], wall.parameters["upper"], spec.dimensions)
+            side = enclosure.surfaces[0] if enclosure.surfaces else None
+            parts.append((edges, (0.0, 0.0, 0.0) if side is None else side.velocity, None if side is None else side.motion))
         else:
-            parts += [(_surface(each, center, reach, spec.dimensions), each.velocity) for each in enclosure.surfaces]
-    segments = [part for part, _ in parts]
-    velocity = [np.tile(velocity, (len(part), 1)) for part, velocity in parts]
+            parts += [
+                (_surface(each, center, reach, spec.dimensions), each.velocity, each.motion) for each in enclosure.surfaces
+            ]
+    segments = [part for part, _, _ in parts]
+    velocity = [np.tile(velocity, (len(part), 1)) for part, velocity, _ in parts]
+    firsts = np.cumsum([0, *(len(part) for part in segments)])
+    motions = [(law, int(first), len(part)) for (part, _, law), first in zip(parts, firsts) if law is not None]
     repeating = next((each for each in enclosures if any(each.period)), Enclosure())
     lines, speeds = np.concatenate([np.zeros((0, 2, 3)), *segments]), np.concatenate([np.zeros((0, 3)), *velocity])
-    return Outline(lines, speeds, repeating)
+    return Outline(lines, speeds, repeating, tuple(motions))
 
 
 def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarray, float]:

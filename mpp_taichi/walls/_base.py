@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface that may move at a constant velocity: a smooth one with particles on one side of it, or a segment.
+    """A surface that may move: a smooth surface with particles on one side of it, or a segment.
 
     kind         "plane" through `point`; "cylinder" around the line through `point` along `direction`; "sphere" around `point`;
                  "segment" from `point` to `end` in the x–y plane, in three dimensions a strip that is infinite along z
@@ -23,6 +23,7 @@ class Surface:
     radius       of cylinder or sphere [length]; of a plane and a segment unused
     inside       of cylinder or sphere: whether the particles are inside it; a segment has particles on both sides
     velocity     of the surface [length / time]; it is at `point` when the time is 0
+    motion       in place of a velocity: the displacement from `point` as a PathLaw; None where there is none
     restitution  e of a bounce off it
     label        its text in messages and reports, "walls[0].box, lower x"
     end          of a segment
@@ -43,6 +44,26 @@ class Surface:
     wall: str = ""
     temperature: float | None = None
     seed: int = 1
+    motion: Any = None
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether the surface moves as a formula says."""
+        return self.motion is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the surface moves at some time."""
+        return any(self.velocity) or self.motion is not None
+
+    def shift_at(self, time: float) -> np.ndarray:
+        """How far the surface is from `point` at a time, (3,) [length]."""
+        found = np.multiply(self.velocity, time)
+        return found if self.motion is None else found + self.motion.at(time)[0]
+
+    def speed_at(self, time: float) -> float:
+        """The speed of the surface at a time [length / time]."""
+        return float(np.linalg.norm(self.velocity if self.motion is None else self.motion.at(time)[1]))
 
     @property
     def is_thermal(self) -> bool:
@@ -98,6 +119,15 @@ class Wall:
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """The surfaces or the period of this wall; `label` is its name in the scene."""
         raise NotImplementedError
+
+
+def motion_law(texts: Any) -> Any:
+    """The law of a displacement from its formulas (FormulaText); None where there are none."""
+    if texts is None:
+        return None
+    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where a wall has a motion
+
+    return path_law(texts)
 
 
 def unit_vector(vector: Vector, name: str) -> Vector:

@@ -1,5 +1,8 @@
 """Formulas of a surface that is known when kernels are compiled: gap, normal, time of contact.
 
+A surface that moves as a formula says is taken to move at its velocity at the time from which a contact is looked for: over a
+drift of h its place is then off by h²/2 times its acceleration. Where a sphere is found in it, it is in contact now.
+
 Positions and velocities have two or three components; in two dimensions a sphere, or a cylinder along z, is a circle.
 A contact is the first time at which gap ≤ 0 and the gap shrinks: a sphere that already overlaps the surface is in
 contact now if it approaches and has none while it recedes. Round-off then cannot make it fall through.
@@ -9,6 +12,7 @@ Source: Bannerman, Strobl, Formella, Pöschel, Comput. Particle Mech. 1 (2014) 1
 import taichi as ti
 
 from mpp_taichi.types import Template
+from mpp_taichi.walls._motions import shift_of, shift_rate_of
 from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
 
 
@@ -60,9 +64,13 @@ def turn(n, change, length):
 
 
 @ti.func
-def surface_velocity(surface: Template, x):
-    """The velocity of the surface, with as many components as x."""
-    return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
+def surface_velocity(surface: Template, x, time):
+    """The velocity of the surface at a time, with as many components as x."""
+    result = ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
+    if ti.static(surface.has_motion):
+        for k in ti.static(range(x.n)):
+            result[k] = shift_rate_of(surface, k, time)
+    return result
 
 
 @ti.func
@@ -70,11 +78,11 @@ def time_of_contact(surface: Template, x, v, radius, time, horizon):
     """Earliest s in 0 … horizon at which a sphere in straight flight meets the surface; infinity if there is none."""
     result = ti.math.inf
     if ti.static(surface.kind == "plane"):
-        speed = _along(surface, v - surface_velocity(surface, x))
+        speed = _along(surface, v - surface_velocity(surface, x, time))
         result = first_contact(gap(surface, x, radius, time), speed, 0.0, horizon)
     else:
         q = _from_surface(surface, x, time)
-        u = _across(surface, v - surface_velocity(surface, x))
+        u = _across(surface, v - surface_velocity(surface, x, time))
         result = first_contact_curved(q, u, _reach(surface, radius), surface.inside, horizon)
     return result
 
@@ -84,11 +92,11 @@ def time_of_contact_falling(surface: Template, x, v, acceleration, radius, time,
     """Time of contact in a flight x + v s + acceleration s² / 2, which makes the distance to a curved surface a quartic."""
     result = ti.math.inf
     if ti.static(surface.kind == "plane"):
-        speed = _along(surface, v - surface_velocity(surface, x))
+        speed = _along(surface, v - surface_velocity(surface, x, time))
         result = first_contact(gap(surface, x, radius, time), speed, _along(surface, acceleration), horizon)
     else:
         q = _from_surface(surface, x, time)
-        u = _across(surface, v - surface_velocity(surface, x))
+        u = _across(surface, v - surface_velocity(surface, x, time))
         a = _across(surface, acceleration)
         result = first_contact_falling(q, u, a, _reach(surface, radius), surface.inside, horizon)
     return result
@@ -122,6 +130,8 @@ def _from_surface(surface: Template, x, time):
     for k in ti.static(range(x.n)):
         if ti.static(surface.velocity[k] != 0.0):
             way[k] -= surface.velocity[k] * time
+        if ti.static(surface.has_motion):
+            way[k] -= shift_of(surface, k, time)
     return _across(surface, way)
 
 

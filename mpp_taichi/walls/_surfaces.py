@@ -97,11 +97,11 @@ class WallSurfaces:
         return result
 
     @ti.func
-    def velocity(self, w: Template, x):
-        """The velocity of surface w, with as many components as x."""
+    def velocity(self, w: Template, x, time):
+        """The velocity of surface w at a time, with as many components as x."""
         result = ti.Vector.zero(float, x.n)
         if ti.static(is_known(w)):
-            result = _geometry.surface_velocity(self.surfaces[w], x)
+            result = _geometry.surface_velocity(self.surfaces[w], x, time)
         else:
             result = self.segments.velocity(w - self.plain_count, x)
         return result
@@ -205,11 +205,11 @@ class WallSurfaces:
         restitution, account = ti.cast(1.0, float), 0
         for s in ti.static(range(self.plain_count)):
             if w == s:
-                gap, n, velocity = self.gap(s, x, radius, time), self.normal(s, x, time), self.velocity(s, x)
+                gap, n, velocity = self.gap(s, x, radius, time), self.normal(s, x, time), self.velocity(s, x, time)
                 restitution, account = self.restitution(s), self.account(s)
         if ti.static(self.segment_count > 0):
             if w >= self.plain_count:
-                gap, n, velocity = self.gap(w, x, radius, time), self.normal(w, x, time), self.velocity(w, x)
+                gap, n, velocity = self.gap(w, x, radius, time), self.normal(w, x, time), self.velocity(w, x, time)
                 restitution, account = self.restitution(w), self.account(w)
         return gap, n, velocity, restitution, account
 

@@ -1,18 +1,25 @@
 """A box with straight walls."""
 
-from mpp_taichi.component import Vector, component, param
+from mpp_taichi.component import LawVector, Vector, component, param
 from mpp_taichi.errors import PlacementError
-from mpp_taichi.walls._base import Enclosure, Surface, Wall
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law
 
 AXES = "xyz"
 
 
 @component
 class Box(Wall):
-    """Rectangular box around the particles, a plane on each side; in two dimensions the box has four sides."""
+    """Rectangular box around the particles, a plane on each side; in two dimensions the box has four sides.
+
+    A box that moves, or is shaken, does work: the particles' energy is not kept.
+    """
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
+    velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the box")
+    motion: LawVector = param(
+        None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
@@ -35,11 +42,12 @@ class Box(Wall):
                         direction=normal,
                         radius=0.0,
                         inside=True,
-                        velocity=(0.0, 0.0, 0.0),
+                        velocity=self.velocity,
                         restitution=self.restitution,
                         label=f"{label}, {side} {AXES[axis]}",
                         temperature=self.temperature,
                         seed=self.seed,
+                        motion=motion_law(self.motion),
                     )
                 )
         return Enclosure(tuple(surfaces))

@@ -1,18 +1,25 @@
 """A cylinder."""
 
-from mpp_taichi.component import Vector, component, param
+from mpp_taichi.component import LawVector, Vector, component, param
 from mpp_taichi.errors import PlacementError
-from mpp_taichi.walls._base import Enclosure, Surface, Wall, unit_vector
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, unit_vector
 
 
 @component
 class Cylinder(Wall):
-    """Infinite cylinder, particles inside it or outside; in two dimensions a circle."""
+    """Infinite cylinder, particles inside it or outside; in two dimensions a circle.
+
+    A moving cylinder does work: the particles' energy is not kept. It is smooth, so that turning it would change nothing.
+    """
 
     point: Vector = param(unit="length", help="any point of the axis")
     axis: Vector = param(None, optional=True, help="direction of the axis, of any length; absent, and in two dimensions: z")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
+    velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the cylinder")
+    motion: LawVector = param(
+        None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
@@ -30,10 +37,11 @@ class Cylinder(Wall):
             direction=axis,
             radius=self.radius,
             inside=self.inside,
-            velocity=(0.0, 0.0, 0.0),
+            velocity=self.velocity,
             restitution=self.restitution,
             label=label,
             temperature=self.temperature,
             seed=self.seed,
+            motion=motion_law(self.motion),
         )
         return Enclosure((surface,))

@@ -1,12 +1,12 @@
 """A plane that may move."""
 
-from mpp_taichi.component import Vector, component, param
-from mpp_taichi.walls._base import Enclosure, Surface, Wall, unit_vector
+from mpp_taichi.component import LawVector, Vector, component, param
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, unit_vector
 
 
 @component
 class Plane(Wall):
-    """Infinite plane, particles on the side to which its normal points; with a velocity the plane is a piston.
+    """Infinite plane, particles on the side to which its normal points; with a velocity or a motion the plane is a piston.
 
     A moving plane does work: the particles' energy is not kept.
     """
@@ -14,6 +14,9 @@ class Plane(Wall):
     point: Vector = param(unit="length", help="any point of the plane, when the time is 0")
     normal: Vector = param(help="direction into the free side, of any length")
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the plane")
+    motion: LawVector = param(
+        None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
@@ -33,5 +36,6 @@ class Plane(Wall):
             label=label,
             temperature=self.temperature,
             seed=self.seed,
+            motion=motion_law(self.motion),
         )
         return Enclosure((surface,))

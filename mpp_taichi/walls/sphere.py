@@ -1,16 +1,23 @@
 """A sphere."""
 
-from mpp_taichi.component import Vector, component, param
-from mpp_taichi.walls._base import Enclosure, Surface, Wall
+from mpp_taichi.component import LawVector, Vector, component, param
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law
 
 
 @component
 class Sphere(Wall):
-    """Hollow sphere around the particles, or a solid sphere that keeps them outside; in two dimensions a circle."""
+    """Hollow sphere around the particles, or a solid sphere that keeps them outside; in two dimensions a circle.
+
+    A moving sphere does work: the particles' energy is not kept. It is smooth, so that turning it would change nothing.
+    """
 
     center: Vector = param(unit="length")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
+    velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the sphere")
+    motion: LawVector = param(
+        None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
@@ -25,10 +32,11 @@ class Sphere(Wall):
             direction=(0.0, 0.0, 1.0),
             radius=self.radius,
             inside=self.inside,
-            velocity=(0.0, 0.0, 0.0),
+            velocity=self.velocity,
             restitution=self.restitution,
             label=label,
             temperature=self.temperature,
             seed=self.seed,
+            motion=motion_law(self.motion),
         )
         return Enclosure((surface,))

@@ -77,7 +77,7 @@ class Grid:
 def _room(setup: ContactSetup, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest coordinates: of the walls along an axis that the spheres fill, so that gases share a grid."""
     low, high = position.min(axis=0), position.max(axis=0)
-    at_rest = [each for each in setup.enclosure.surfaces if not any(each.velocity)]
+    at_rest = [each for each in setup.enclosure.surfaces if not each.moves]
     corners = np.array([place for each in at_rest if each.kind == "segment" for place in (each.point, each.end)])
     for k in range(setup.dimensions):
         planes = [each for each in at_rest if each.kind == "plane"]

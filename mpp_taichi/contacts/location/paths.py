@@ -93,7 +93,7 @@ class StepPaths:
     @ti.func
     def wall_blur(self, walls: Template, k: Template, i, s, time):
         """Error of the distance of sphere i from surface k, which may move."""
-        speed = walls.velocity(k, ti.Vector.zero(float, self.dimensions)).norm()
+        speed = walls.velocity(k, ti.Vector.zero(float, self.dimensions), time).norm()
         extent = walls.extent(k, self.dimensions) + speed * ti.abs(time)
         return self.blur(i, s) + self.rounding * extent
 

@@ -75,7 +75,7 @@ class Rebound:
         """1 if i touches surface k, approaches and bounces, else 0."""
         result = 0
         x, v, now = self.state.position[i], self.state.velocity[i], ti.cast(time, float)
-        w = self.walls.velocity(k, x)
+        w = self.walls.velocity(k, x, now)
         gap = self.walls.gap(k, x, self.bounce.radius[i], now)
         if gap <= TWICE * self.paths.wall_blur(self.walls, k, i, s, now):
             n = self.walls.normal(k, x, now)

@@ -83,7 +83,7 @@ class StepSearch:
         begin, length = self.state.clock[0], self.state.clock[1]
         radius, h = self.bounce.radius[i], ti.cast(length, float)
         x, v = self.paths.place(i, 0.0)
-        w = h * self.walls.velocity(k, x)
+        w = h * self.walls.velocity(k, x, 0.0)
         way = self.state.way[i] + w.norm()
         slowest = self.paths.rounding * way
         is_plane = ti.static(self.walls.is_plane(k))

@@ -212,7 +212,7 @@ class MergingDrift:
         t = self.walls.time_of_contact(s, x, v, radius, time + now, h - now)
         if t == 0.0:
             # An approach of a touching sphere that is round-off counts as none: the sphere lies on the wall.
-            w = self.walls.velocity(s, x)
+            w = self.walls.velocity(s, x, time + now)
             n = self.walls.normal(s, x, time + now)
             if -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
                 t = ti.math.inf

@@ -117,7 +117,7 @@ class OverlapBounces:
                 self.tally.see_overlap(i, -gap / radius)
             n = self.walls.normal(s, x, time)
             w = self.bounce.inverse_mass[i]
-            v, surface_velocity = self.state.velocity[i], self.walls.velocity(s, x)
+            v, surface_velocity = self.state.velocity[i], self.walls.velocity(s, x, time)
             yielding = (n * n).dot(w)
             if n.dot(v - surface_velocity) < 0.0 and yielding > 0.0:
                 e, elastic = restitution_at(time, self.walls.restitution(s), i, i, self.last_contact, self.contact_time)

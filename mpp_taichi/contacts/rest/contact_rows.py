@@ -134,7 +134,7 @@ class ContactRows:
     @ti.func
     def _add_surface(self, s: Template, state: Template, i, bound, time, h, filling):
         gap = self.walls.gap(s, state.position[i], self.radius[i], time)
-        speed = bound + self.walls.velocity(s, state.position[i]).norm()
+        speed = bound + self.walls.velocity(s, state.position[i], time).norm()
         if gap <= h * speed and self.inverse_mass[i].max() > 0.0:
             if filling > 0:
                 n = self.walls.normal(s, state.position[i], time)
@@ -183,15 +183,15 @@ class ContactRows:
 
     @ti.func
     def velocity_of_other(self, velocity: Template, c):
-        """Velocity of the other sphere or the surface of entry c."""
+        """Velocity of the other sphere or the surface of entry c; walls with a motion are not beside this solver."""
         j = self.other[c]
         result = velocity[ti.max(j, 0)]
         for s in ti.static(range(self.walls.plain_count)):
             if j == -1 - s:
-                result = self.walls.velocity(s, result)
+                result = self.walls.velocity(s, result, 0.0)
         if ti.static(self.walls.segment_count > 0):
             if j < -self.walls.plain_count:
-                result = self.walls.velocity(-1 - j, result)
+                result = self.walls.velocity(-1 - j, result, 0.0)
         return result
 
     @ti.func

@@ -88,7 +88,7 @@ class Bounce:
             if self.inverse_mass[i].max() == 0.0:
                 result = ti.math.inf
         if ti.static(not self.is_elastic):
-            w = self.walls.velocity(s, x)
+            w = self.walls.velocity(s, x, time)
             n = self.walls.normal(s, x, time)
             if result == 0.0 and -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
                 result = ti.math.inf

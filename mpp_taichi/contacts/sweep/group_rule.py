@@ -111,7 +111,7 @@ class GroupRule:
         if self.walls.gap(s, x, radius, time + t) <= self.touching * radius:
             if self.walls.can_hold(s, x, radius, time + t):
                 n = self.walls.normal(s, x, time + t)
-                self._add_row(i, -1 - s, n, n.dot(self.walls.velocity(s, x)), self.walls.restitution(s), t)
+                self._add_row(i, -1 - s, n, n.dot(self.walls.velocity(s, x, time + t)), self.walls.restitution(s), t)
 
     @ti.func
     def _see_touching(self, i, j, root, t):
