@@ -63,8 +63,9 @@ def settle_plan(
                 "newtonian_gravity with solver: tree has only the parallel plan, for one copy; use solver: direct"
             )
         plan = "parallel" if asked == "auto" else plan
-    if replica_count > 1 and any(force.gathers for force in total_force.external):
-        raise BackendError("a force that reads all particles has no plan replicas; run one copy of the scene")
+    if replica_count > 1 and total_force.looks:
+        what = "springs that break or yield have" if total_force.has_limits else "a force that reads all particles has"
+        raise BackendError(f"{what} no plan replicas; run one copy of the scene")
     if total_force.by_lists:  # made and read by all threads together
         plan = "parallel"
     if plan not in plans.PLANS or (replica_count > 1) != (plan == "replicas"):

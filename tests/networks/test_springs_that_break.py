@@ -9,10 +9,11 @@ from measured import MadeUpSample
 from repeated_runs import run_with_a_way_back
 
 from mpp_taichi import SceneError, Simulation, component
-from mpp_taichi.errors import MppError, PrecisionError, UnsupportedError
+from mpp_taichi.errors import BackendError, MppError, PrecisionError, UnsupportedError
 from mpp_taichi.quantities._base import NoResultError, Setting
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.start.assemble import assemble
 from mpp_taichi.views._base import Frame
 
 STIFFNESS, STRAIN, SPEED = 10.0, 0.2, 1.0
@@ -277,6 +278,8 @@ def test_what_cannot_be_is_refused(change, message):
 def test_what_other_parts_cannot_do_is_refused():
     with pytest.raises(PrecisionError, match="springs that break or yield does not carry low parts"):
         run(pair(), 1, precision="df64")
+    with pytest.raises(BackendError, match="springs that break or yield have no plan replicas"):
+        run(pair(), 1, replica_starts=[assemble(load_scene(pair()))] * 2)
     tangent = pair() | {"record": {"table": {"columns": ["lyapunov"]}}}
     with pytest.raises(UnsupportedError, match="springs that break or yield do not have"):
         run(tangent, 1)
