@@ -136,7 +136,12 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--speeds", type=output_path, metavar="F", help="histogram of speeds beside theory: .png, .svg, .pdf, .csv or .npz"
     )
-    group.add_argument("--events", type=output_path, metavar="F", help="collisions, of event_driven or merging: .csv or .npz")
+    group.add_argument(
+        "--events",
+        type=output_path,
+        metavar="F",
+        help="collisions, of event_driven or merging; or springs that broke: .csv or .npz",
+    )
     group.add_argument(
         "--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent"
     )

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._request import Request
+from mpp_taichi.errors import SceneError
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.run_output import RunOutput
@@ -70,7 +71,15 @@ def asked_recorders(spec: SceneSpec, request: Request, simulation: "Simulation",
         from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 
         speeds = SpeedHistogram(simulation)
-    if request.events is not None:
+    if request.events is not None and spec.limited_springs:
+        from mpp_taichi.recorders.break_log import BreakLog
+
+        events = BreakLog()
+    elif request.events is not None:
+        if spec.contacts is None:
+            raise SceneError(
+                f"{spec.source}: --events: there are neither contacts nor springs that break, whose events it lists"
+            )
         from mpp_taichi.recorders.event_log import EventLogRecorder
 
         events = EventLogRecorder([wall.label for wall in simulation.phase.surfaces], every)

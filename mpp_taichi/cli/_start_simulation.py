@@ -40,7 +40,7 @@ def start(spec: SceneSpec, request: Request) -> "Simulation":
     from mpp_taichi.simulation.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
     options: dict[str, Any] = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
-    options["event_log"] = request.events is not None
+    options["event_log"] = request.events is not None and not spec.limited_springs
     if request.rewind is None or request.rewind.state is None:
         return _checked(Simulation(spec, **options), request)
     try:

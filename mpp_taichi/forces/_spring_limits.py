@@ -93,9 +93,13 @@ class SpringLimits:
         broke_at = np.where(whole, np.inf, since)
         return replace(springs, stiffness=stiffness, damping=damping, rest_length=rest, broke_at=broke_at)
 
+    def losses(self, state: Any) -> np.ndarray:
+        """Energy that each spring has lost by breaking and yielding since it was placed, (spring_count,) [energy]."""
+        return np.bincount(self.number, state.spring_loss.to_numpy().astype(np.float64), len(self.half_of))
+
     def loss(self, state: Any) -> float:
         """Energy that all springs have lost by breaking and yielding since they were placed [energy]."""
-        return float(np.sum(state.spring_loss.to_numpy().astype(np.float64)))
+        return float(np.sum(self.losses(state)))
 
     @ti.func
     def meet(self, state: Template, first, time):
