@@ -92,9 +92,10 @@ def execute(arguments: argparse.Namespace) -> int:
         finally:
             lock.release()
     _report(found, arguments)
-    if all(row.status == "missing" for row in comparison.rows):
-        return BackendError.exit_code
-    return BUG_CODE if comparison.bugs else 0
+    if comparison.bugs:
+        return BUG_CODE
+    nothing_ran = bool(comparison.rows) and all(row.status == "missing" for row in comparison.rows)
+    return BackendError.exit_code if nothing_ran else 0
 
 
 def _known(spec: "SceneSpec", wishes: "ComparisonWishes", arguments: argparse.Namespace) -> dict[str, Any]:
