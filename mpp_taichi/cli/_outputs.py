@@ -62,7 +62,8 @@ def open_sinks(spec: SceneSpec, request: Request, stack: ExitStack, *, waits: bo
 
 def asked_recorders(spec: SceneSpec, request: Request, simulation: "Simulation", every: int) -> tuple[Any, Any, Any]:
     """The recorders of modes, of speeds and of events; None for each that is not asked for."""
-    modes = speeds = events = None
+    modes = speeds = None
+    events: Any = None
     if spec.modes is not None or request.modes is not None:
         from mpp_taichi.recorders.modes import ModeRecorder
 
