@@ -6,7 +6,6 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic
 from mpp_taichi.arithmetic.traced import traced
-from mpp_taichi.scene.formulas.path_law import TIME
 
 
 @traced
@@ -22,4 +21,5 @@ def shift_rate_of(surface: Any, axis: int, time: Any) -> Any:
 
 
 def _run(surface: Any, time: Any) -> Any:
-    return surface.motion.motion.run(KernelArithmetic, {TIME: ti.cast(time, float)}, 1.0)
+    program = surface.motion.motion  # of the time alone
+    return program.run(KernelArithmetic, {name: ti.cast(time, float) for name in program.names}, 1.0)
