@@ -96,8 +96,9 @@ def test_a_scene_without_formulas_imports_no_symbolic_algebra():
         "ball = {'body': {'mass': 1, 'position': [0, 0, 0], 'radius': 0.1}}\n"
         "peg = {'body': {'mass': 1, 'position': [0, 0, 1], 'radius': 0.1, 'free': False}}\n"
         "s = Simulation({'particles': [ball, peg], 'springs': [{'link': {'between': [0, 1], 'stiffness': 1}}],\n"
-        "                'walls': [{'box': {'lower': [-2, -2, -2], 'upper': [2, 2, 2]}}], 'forces': [{'uniform_gravity': {}}],\n"
-        "                'contacts': {'hard_spheres': {'solver': 'swept'}}, 'integrator': {'leapfrog': {'dt': 0.1}}}, backend='cpu')\n"
+        "                'walls': [{'box': {'lower': [-2, -2, -2], 'upper': [2, 2, 2]}}],\n"
+        "                'contacts': {'hard_spheres': {'solver': 'swept'}}, 'forces': [{'uniform_gravity': {}}],\n"
+        "                'integrator': {'leapfrog': {'dt': 0.1}}}, backend='cpu')\n"
         "s.run(steps=2); print('sympy' in sys.modules)"
     )
     assert run_python(code).strip() == "False"
