@@ -7,6 +7,7 @@ from mpp_taichi import SceneError, Simulation
 from mpp_taichi.errors import MppError, PrecisionError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
+from mpp_taichi.sweep.structure import key_of
 from mpp_taichi.views.wall_outline import outline_of
 
 WALLS = {
@@ -160,6 +161,14 @@ def test_what_other_parts_cannot_do_is_refused():
         end_of(shaken, backend="vulkan", precision="f64")
     with pytest.raises(MppError, match="do not know the motion of this wall"):
         pose(load_scene(shaken))
+
+
+def test_members_of_a_sweep_share_kernels_only_with_the_same_motion():
+    def key(amplitude):
+        spec = load_scene(scene("box", WALLS["box"], motion=["a*sin(t)", "0", "0"]) | {"constants": {"a": amplitude}})
+        return key_of(spec, assemble(spec))
+
+    assert key(0.1) == key(0.1) != key(0.2)
 
 
 def test_vulkan_shakes_a_box_as_the_cpu_does():
