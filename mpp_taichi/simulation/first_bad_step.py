@@ -118,7 +118,9 @@ def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_s
         f"step {step}, time {time:.9g}: the position or velocity of {label(before, particle)} is no longer a finite number"
     )
     if before.particle_count > 1:
-        distance = np.linalg.norm(before.position - before.position[particle], axis=1)
+        apart = before.position - before.position[particle]
+        scale = float(np.abs(apart).max()) or 1.0  # the last finite places may be so large that their squares are infinite
+        distance = scale * np.linalg.norm(apart / scale, axis=1)
         distance[particle] = np.inf
         other = int(np.argmin(distance))
         message += f"; its nearest neighbour is {label(before, other)} at distance {distance[other]:.3g}"

@@ -5,6 +5,9 @@ import pytest
 
 from mpp_taichi import Simulation, StabilityError
 from mpp_taichi.device.fast_taichi import bitcode
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.simulation.first_bad_step import diagnose
+from mpp_taichi.start.assemble import assemble
 
 COUNT = 600  # each pair is evaluated once
 MEETING = (11, 400)  # in the second of two tiles of bodies that are taken together, and elsewhere
@@ -28,3 +31,13 @@ def test_bodies_that_meet_exactly_are_named(monkeypatch, has_root):
             simulation.run(steps=3)
         assert caught.value.step == 1 and caught.value.particle == MEETING[0]
         assert np.isfinite(simulation.snapshot().position).all()
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_places_whose_squares_are_infinite_are_named_without_a_warning():
+    bodies = [{"body": {"mass": 1, "position": [place, 0, 0]}} for place in (0.0, 3e99, 1e100)]
+    spec = load_scene({"particles": bodies, "forces": [], "integrator": {"leapfrog": {"dt": 1}}})
+    start = assemble(spec)
+    far = start.moved(position=1e100 * start.position, velocity=start.velocity, time=0.0, step=0)
+    error = diagnose(far, 2, step=1, time=1.0, pairs_singular=False)
+    assert "its nearest neighbour is particle 1 at distance 7e+199" in str(error)
