@@ -21,7 +21,7 @@ particles:
   - body: {name: b, mass: 1, position: [1, 0, 0.3], radius: 0.15, color: white}
 springs: [{link: {between: [a, b], stiffness: 200}}]
 forces: [{uniform_gravity: {acceleration: [0, 0, -9.81]}}]
-integrator: {leapfrog: {dt: 2.5e-7}}
+integrator: {leapfrog: {dt: 5.0e-8}}
 run: {duration: 1}
 view: {trails: 40, labels: true, color_by: {speed: {}}, spring_width: 6}
 inspect: [{x: time, y: {kinetic_energy: {}}}]
