@@ -119,7 +119,7 @@ class NumpyForces:
         self.field = np.asarray(field, float)
         self.full = spec.spring_damping == "full"
         formulas = [(force.law, _numbers(force), force) for force in spec.forces if is_formula(force.name)]
-        self.pair_laws = [each for each in formulas if is_pair_force(each[2].name)]
+        self.pair_laws = [each for each in formulas if each[0].kind == "pair"]
         fields = [each for each in formulas if each[0].kind == "field"]
         self.bonds = [
             BondTerm.of(law, live, force.parameters["of"], given.between) for law, live, force in formulas if law.kind == "bond"

@@ -84,7 +84,7 @@ class DrivenBodies:
                 if j != i:
                     d = separation(state, i, j)
                     on_i, on_j = self.weights(state, total_force, i, j, d.dot(d))
-                    # By Newton's third law both are the same force, of which the body with a mass tells.
+                    # Both accelerations give the same force, by Newton's third law; a particle without mass gives none.
                     factor = ti.cast(0.0, state.wide)
                     if mass[i] > 0.0:
                         factor = wide_number(state, mass[i]) * wide_number(state, on_i)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import root, where, wide_number, zero_vector
+from mpp_taichi.arithmetic.force_numbers import components, root, vector_of, where, wide_number
 from mpp_taichi.arithmetic.particle_update import separation
+from mpp_taichi.arithmetic.traced import entry_of, traced
 from mpp_taichi.forces._base import BondForce, Force
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.state.half_springs import numbers_of_halves
@@ -135,6 +136,13 @@ class SpringLimits:
         return result
 
 
+@traced
+def of_whole(state: Any, h: Any, vector: Any) -> Any:
+    """A vector where the half-spring h is whole, and 0 where it is broken."""
+    is_whole = entry_of(state.spring_breaking_length, h) > 0.0
+    return vector_of(state, [where(is_whole, each, 0.0) for each in components(vector, state.dimensions)])
+
+
 @ti.data_oriented
 class LimitedBond(BondForce):
     """A force along springs that may break: none along a broken spring."""
@@ -148,20 +156,12 @@ class LimitedBond(BondForce):
     @ti.func
     def force(self, state: Template, i, j, h):
         """The force of a whole spring."""
-        result = zero_vector(state)
-        pull = self.bond.force(state, i, j, h)
-        for k in ti.static(range(state.dimensions)):
-            result[k] = where(state.spring_breaking_length[h] > 0.0, pull[k], 0.0)
-        return result
+        return of_whole(state, h, self.bond.force(state, i, j, h))
 
     @ti.func
     def friction(self, state: Template, i, j, h):
         """The friction of a whole spring."""
-        result = zero_vector(state)
-        pull = self.bond.friction(state, i, j, h)
-        for k in ti.static(range(state.dimensions)):
-            result[k] = where(state.spring_breaking_length[h] > 0.0, pull[k], 0.0)
-        return result
+        return of_whole(state, h, self.bond.friction(state, i, j, h))
 
     @ti.func
     def potential(self, state: Template, i, j, h):

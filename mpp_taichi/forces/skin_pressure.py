@@ -1,12 +1,10 @@
 """Pressure of a gas inside a closed skin in the plane."""
 
-from typing import Any
-
-import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.elementary_functions import elementary, power
 from mpp_taichi.arithmetic.particle_update import wide_position
+from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.forces._base import ExternalForce
 from mpp_taichi.snapshot import Snapshot
@@ -114,9 +112,3 @@ class SkinPressure(ExternalForce):
             outside = ti.cast(self.outside * self.start_area, state.wide) * (share - 1.0)
             result = outside - ti.cast(self.pressure * self.start_area, state.wide) * work
         return result
-
-
-def signed_area(place: Any) -> float:
-    """The area of a polygon with its sign, above 0 where its corners, (n, 2), go round from x to y [length²]."""
-    one, other = place[1:-1] - place[0], place[2:] - place[0]
-    return 0.5 * float(np.sum(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]))

@@ -1,7 +1,6 @@
 """The area inside a closed polygon of particles."""
 
-import numpy as np
-
+from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.quantities._base import Quantity, RunSample, Setting, of_which
 from mpp_taichi.quantities._particles import rows
@@ -20,5 +19,4 @@ class EnclosedArea(Quantity):
 
     def measure(self, sample: RunSample) -> float:
         """The area."""
-        x, y = sample.snapshot.position[rows(self.of), :2].T
-        return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+        return abs(signed_area(sample.snapshot.position[rows(self.of), :2]))

@@ -5,6 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from mpp_taichi.errors import OutputError
+from mpp_taichi.recorders._process_stat import stat_words
 
 _held: set[Path] = set()
 """Locks of this process. Another lock that names it is left over from an earlier process with the same number."""
@@ -79,8 +80,4 @@ def _is_alive(process: int) -> bool:
 
 def _has_ended(process: int) -> bool:
     """Whether a process has ended and only waits for its parent to ask how, as after a kill in a container without an init."""
-    try:
-        with open(f"/proc/{process}/stat", encoding="utf-8", errors="replace") as file:
-            return file.read().rpartition(")")[2].split()[0] in ("Z", "X")
-    except (OSError, IndexError):  # no such process any more, or a system without such files
-        return False
+    return stat_words(process)[:1] in (["Z"], ["X"])

@@ -9,6 +9,8 @@ import subprocess
 import time
 from pathlib import Path
 
+from mpp_taichi.recorders._process_stat import stat_words
+
 STALL_SECONDS = 60.0  # a program hangs when its file does not grow, and it does not compute, for this time
 LOOK_SECONDS = 0.02
 
@@ -35,8 +37,4 @@ def _signs_of_life(process: subprocess.Popen[bytes], file: Path) -> tuple[int, s
         size = os.stat(file).st_size
     except OSError:
         size = -1
-    try:
-        words = Path(f"/proc/{process.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-        return size, " ".join(words[11:13])
-    except OSError:
-        return size, ""
+    return size, " ".join(stat_words(process.pid)[11:13])

@@ -17,9 +17,10 @@ def spring_limit_facts(simulation: "Simulation") -> dict[str, Any]:
     largest_plastic_strain        largest change of a rest length, over the rest length at the start
     lost_energy                   potential energy of springs lost by breaking and yielding [energy]
     """
-    now, before = simulation.snapshot().springs, simulation.start.springs
-    if not now.have_limits:
+    before = simulation.start.springs
+    if not before.have_limits:
         return {}
+    now = simulation.snapshot().springs
     change = np.abs(now.rest_length - before.rest_length) / before.rest_length
     broken = np.sort(now.breaking_times)
     yielded = now.rest_length.astype(np.float32) != before.rest_length.astype(np.float32)

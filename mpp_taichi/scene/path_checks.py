@@ -31,7 +31,7 @@ def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     if not spec.driven_entries:
         return
     for number, entry in spec.driven_entries:
-        _check_formulas(spec, number, entry, tree, faults)
+        check_formulas_of_time(spec, "particles", number, entry, "path", tree, faults)
         _check_mass(spec, number, entry, faults)
     number, first = spec.driven_entries[0]
     for reason in _reasons(spec):
@@ -56,13 +56,19 @@ def _reasons(spec: SceneSpec) -> Iterator[str]:
         yield f"{' and '.join(wanted)} needs the derivative of every step, which bodies on a path do not have"
 
 
-def _check_formulas(spec: SceneSpec, number: int, entry: ComponentSpec, tree: Node, faults: Faults) -> None:
-    """Note the place of each formula; refuse a text that is no formula of t, and a path with a place that is no number."""
+def check_formulas_of_time(
+    spec: SceneSpec, listed: str, number: int, entry: ComponentSpec, parameter: str, tree: Node, faults: Faults
+) -> None:
+    """Check the formulas of t that a parameter of an entry of the list `listed` has, one for each axis.
+
+    The place of each formula is noted. A text that is no formula of t is refused, and a formula that is no finite number at
+    some time of the run.
+    """
     from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
 
-    texts, key = entry.parameters["path"], f"particles[{number}].{entry.name}.path"
-    listed = tree.get("particles")
-    node = None if listed is None else listed.value[number].value[entry.name].get("path")
+    texts, key = entry.parameters[parameter], f"{listed}[{number}].{entry.name}.{parameter}"
+    entries = tree.get(listed)
+    node = None if entries is None else entries.value[number].value[entry.name].get(parameter)
     nodes = node.value if node is not None and isinstance(node.value, list) else [tree] * len(texts)
     for text, each in zip(texts, nodes):
         text.place = each.place_of(0)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.acting import is_switched_off
 from mpp_taichi.scene.faults import FAULTS_SHOWN
@@ -67,12 +68,11 @@ def _skins(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
         if not entry.flag("forces", "encloses"):
             continue
         where, (first, count) = f"forces[{number}].{entry.name}", entry.parameters["of"]
-        x, y = snapshot.position[first : first + count, :2].T
         if spec.dimensions != 2:
             yield entry.location, f"{where}: a skin is a curve in the plane, must be in a scene with dimensions: 2"
         elif count < 3:
             yield entry.location, f"{where}.of: has {count} particles, must have three or more, the corners of a closed skin"
-        elif not np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)):
+        elif not signed_area(snapshot.position[first : first + count, :2]):
             yield entry.location, f"{where}.of: its corners enclose no area at the start"
 
 

@@ -47,8 +47,8 @@ def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: 
         raise PrecisionError(
             f"the places of bodies on a path have no low parts, so they cannot run in {device.precision}; use f64 or f32"
         )
-    if called := [name for law in laws for name in law.functions if device.backend == "vulkan" and device.precision == "f64"]:
-        raise PrecisionError(f"a path calls {called[0]}, which vulkan has only in f32; use --precision f32 or --backend cpu")
+    for name in (name for law in laws for name in law.functions):
+        refusals.check_functions(f"a path calls {name}", device)
     if plan == "replicas" or replica_count > 1:
         raise BackendError("the plan replicas has no bodies on a path; run one copy of the scene")
     return DrivenBodies(start.driven, laws)
@@ -72,7 +72,7 @@ def check_on_paths(spec: SceneSpec, start: Snapshot) -> None:
         scale = np.abs(place).max() + np.abs(velocity).max() * abs(start.time) + np.abs(start.position).max()
         if not distance <= OFF_THE_PATH * scale:
             where = f"at t = {start.time:g} the state has {layout.label(index)}"
-            raise StateError(f"{where} {distance:.3g} from its path: the path of the scene is another than that of the run")
+            raise StateError(f"{where} {distance:.3g} from its path: the run that wrote the state had another path")
 
 
 def moved_ahead(spec: SceneSpec, now: Snapshot, offset: float) -> Snapshot:

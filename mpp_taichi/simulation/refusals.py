@@ -57,11 +57,8 @@ def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device
             f"the contact solver {name} takes up to {solver.most_elsewhere} spheres on {device.backend}, and here are {count}: "
             "more of them run on the CPU only; use --backend cpu, or solver: pairwise"
         )
-    called = functions_of_motions(spec) if device.backend == "vulkan" and device.precision == "f64" else []
-    if called:
-        raise PrecisionError(
-            f"the motion of a wall calls {called[0]}, which vulkan has only in f32; use --precision f32 or --backend cpu"
-        )
+    for name in functions_of_motions(spec):
+        check_functions(f"the motion of a wall calls {name}", device)
     if logs and not solver.can_log:
         raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
 
@@ -82,12 +79,20 @@ def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
     Raises:
         PrecisionError: such a force is there.
     """
-    if device.backend != "vulkan" or device.precision != "f64":
-        return
     for entry, force in zip(spec.forces, forces):
         if force.takes_sine or force.has_functions:
             what = f"calls {', '.join(force.has_functions)}" if force.has_functions else "takes a sine"
-            raise PrecisionError(f"{entry.label} {what}, which vulkan has only in f32; use --precision f32 or --backend cpu")
+            check_functions(f"{entry.label} {what}", device)
+
+
+def check_functions(what: str, device: Device) -> None:
+    """Refuse, by a text that says `what` calls a sine or an exponential, Vulkan in f64, which has none.
+
+    Raises:
+        PrecisionError: the device is Vulkan in f64.
+    """
+    if device.backend == "vulkan" and device.precision == "f64":
+        raise PrecisionError(f"{what}, which vulkan has only in f32; use --precision f32 or --backend cpu")
 
 
 def _check_formulas(spec: SceneSpec, start: Snapshot, precision: str) -> None:

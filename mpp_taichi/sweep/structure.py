@@ -122,8 +122,7 @@ def _entries(spec: SceneSpec) -> Iterator[tuple[str, ComponentSpec]]:
         for entry in getattr(spec, kind):
             yield kind, entry
     for number, entry in spec.driven_entries:  # the path, with its constants, is compiled into the step
-        told = tuple((str(text), tuple(sorted(text.constants.items()))) for text in entry.parameters["path"])
-        yield "path", replace(entry, parameters={"number": number, "path": told})
+        yield "path", replace(entry, parameters={"number": number, "path": entry.parameters["path"]})
 
 
 def _told(parameters: dict[str, Any]) -> str:

@@ -12,7 +12,7 @@ Source: Bannerman, Strobl, Formella, Pöschel, Comput. Particle Mech. 1 (2014) 1
 import taichi as ti
 
 from mpp_taichi.types import Template
-from mpp_taichi.walls._motions import shift_of, shift_rate_of
+from mpp_taichi.walls._motions import motion_of
 from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
 
 
@@ -68,8 +68,9 @@ def surface_velocity(surface: Template, x, time):
     """The velocity of the surface at a time, with as many components as x."""
     result = ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
     if ti.static(surface.has_motion):
+        now = motion_of(surface, time)
         for k in ti.static(range(x.n)):
-            result[k] = shift_rate_of(surface, k, time)
+            result[k] = now[x.n + k]
     return result
 
 
@@ -130,8 +131,10 @@ def _from_surface(surface: Template, x, time):
     for k in ti.static(range(x.n)):
         if ti.static(surface.velocity[k] != 0.0):
             way[k] -= surface.velocity[k] * time
-        if ti.static(surface.has_motion):
-            way[k] -= shift_of(surface, k, time)
+    if ti.static(surface.has_motion):
+        now = motion_of(surface, time)
+        for k in ti.static(range(x.n)):
+            way[k] -= now[k]
     return _across(surface, way)
 
 

@@ -9,17 +9,8 @@ from mpp_taichi.arithmetic.traced import traced
 
 
 @traced
-def shift_of(surface: Any, axis: int, time: Any) -> Any:
-    """Displacement of a surface along an axis at a time [length]."""
-    return ti.cast(_run(surface, time)[axis], float)
-
-
-@traced
-def shift_rate_of(surface: Any, axis: int, time: Any) -> Any:
-    """Rate of the displacement along an axis [length / time]."""
-    return ti.cast(_run(surface, time)[surface.motion.dimensions + axis], float)
-
-
-def _run(surface: Any, time: Any) -> Any:
+def motion_of(surface: Any, time: Any) -> list[Any]:
+    """Displacement [length] and its rate [length / time] at a time, component after component."""
     program = surface.motion.motion  # of the time alone
-    return program.run(KernelArithmetic, {name: ti.cast(time, float) for name in program.names}, 1.0)
+    found = program.run(KernelArithmetic, {name: ti.cast(time, float) for name in program.names}, 1.0)
+    return [ti.cast(each, float) for each in found]
