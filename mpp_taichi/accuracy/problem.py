@@ -190,6 +190,8 @@ def _check_methods(spec: SceneSpec) -> None:
     place = spec.integrator.location
     for _number, entry in spec.driven_entries:
         raise SceneError(f"{entry.location}: accuracy compares methods of which most do not move bodies on a path")
+    for _number, entry, _quantity in spec.changing_entries:
+        raise SceneError(f"{entry.location}: accuracy compares methods that do not know masses and charges that change")
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
     for entry in spec.limited_springs:

@@ -13,6 +13,8 @@ import taichi as ti
 from mpp_taichi.arithmetic.dual import DualNumber
 from mpp_taichi.arithmetic.kernel_number import KernelNumber
 from mpp_taichi.arithmetic.lanes import Lanes, vector
+from mpp_taichi.arithmetic.point_function import HIGHEST_DERIVATIVE, PointFunction
+from mpp_taichi.arithmetic.point_lookup import through_points
 from mpp_taichi.arithmetic.traced import traced
 
 _PLAIN: dict[str, Callable[[Any], Any]] = {
@@ -66,6 +68,21 @@ def power(x: Any, exponent: float) -> Any:
 def absolute(x: Any) -> Any:
     """|x|."""
     return x.where(x > 0.0, -x) if isinstance(x, KernelNumber) else ti.abs(x)
+
+
+@traced
+def at_points(function: PointFunction, derivative: int, x: Any) -> Any:
+    """A derivative of a function through points."""
+
+    def slope(inner: Any, value: Any) -> Any:
+        return at_points(function, derivative + 1, inner) if derivative < HIGHEST_DERIVATIVE else 0.0
+
+    return _applied(
+        x,
+        lambda plain: through_points(function, derivative, plain),
+        lambda inner: at_points(function, derivative, inner),
+        slope,
+    )
 
 
 def _applied(x: Any, plain: Callable[[Any], Any], inner: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Any:

@@ -5,9 +5,10 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.arithmetic.double_single import DoubleSingle
-from mpp_taichi.arithmetic.elementary_functions import absolute, elementary, power
+from mpp_taichi.arithmetic.elementary_functions import absolute, at_points, elementary, power
 from mpp_taichi.arithmetic.force_numbers import root
 from mpp_taichi.arithmetic.kernel_number import KernelNumber
+from mpp_taichi.arithmetic.point_function import PointFunction
 from mpp_taichi.arithmetic.unit_step import unit_step
 
 
@@ -33,6 +34,11 @@ class KernelArithmetic:
     def function(name: str, value: Any) -> Any:
         """A function by its name."""
         return absolute(value) if name == "abs" else elementary(name, value)
+
+    @staticmethod
+    def through_points(value: Any, function: PointFunction, derivative: int) -> Any:
+        """A derivative of a function through points."""
+        return at_points(function, derivative, value)
 
     @staticmethod
     def power(value: Any, exponent: float) -> Any:

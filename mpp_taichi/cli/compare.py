@@ -64,6 +64,8 @@ def execute(arguments: argparse.Namespace) -> int:
         raise UnsupportedError(f"no other backend keeps the lengths of {spec.rods_named}: there is nothing to compare")
     if spec.driven_entries:
         raise UnsupportedError("no other backend moves bodies on a path: there is nothing to compare")
+    if spec.changing_entries:
+        raise UnsupportedError("no other backend has masses and charges that change: there is nothing to compare")
     if arguments.ladder and not any(is_pair_force(force.name) for force in spec.forces):
         raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget

@@ -52,6 +52,7 @@ class EnergyMeter:
         state = self.state
         if not self.total_force.forces:
             return np.zeros(state.replica_count)
+        self.total_force.settle(state, time)
         terms = np.empty(state.total_count, np.float32 if state.wide == ti.f32 else np.float64)
         self._measure_replicas(time, terms)
         rows = terms.astype(np.float64).reshape(state.replica_count, state.particle_count)
@@ -61,6 +62,7 @@ class EnergyMeter:
         """Potential energy of all forces that have a potential."""
         if not self.total_force.forces:
             return 0.0
+        self.total_force.settle(self.state, time)
         terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
         self._measure(time, terms)
         if self._rows is not None:
@@ -107,6 +109,8 @@ class PowerMeter:
         else:
             self.mass = ti.field(state.wide, shape=state.particle_count)
             self.mass.from_numpy(mass.astype(np.float32 if state.wide == ti.f32 else np.float64))
+        if total_force.has_changes:
+            total_force.changes.bind(state)
         self.block = state.particle_count if in_kernel else BLOCK
         self.block_count = (state.particle_count + self.block - 1) // self.block
         self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
@@ -127,12 +131,17 @@ class PowerMeter:
         if ti.static(self.total_force.has_paths):
             if b == 0:
                 sums[1] += self.total_force.paths.power(self.state, self.total_force, self.mass, time)
+        if ti.static(self.total_force.has_changes):
+            if b == 0:
+                sums[1] += self.total_force.changes.power(self.state, self.total_force, time)
         self.history[s, b] = sums
 
     @ti.kernel
     def keep(self, s: ti.i32, time: float):
         """Measure after step s of a launch."""
         self.total_force.at_replica(0)
+        if ti.static(self.total_force.has_changes):
+            self.total_force.changes.put(self.state, 0, time)
         for b in range(self.block_count):
             self.store(s, b, time)
 

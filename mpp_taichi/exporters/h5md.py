@@ -96,7 +96,7 @@ def _elements(group: Any, frame_count: int, snapshot: Snapshot, enclosure: Enclo
     shapes: dict[str, tuple[int, ...]] = {"position": (count, 3), "velocity": (count, 3)}
     if any(enclosure.repeats):
         shapes["edges"] = (3,)
-    if snapshot.merged_into is not None:
+    if snapshot.numbers_change:
         shapes |= {"mass": (count,), "radius": (count,), "charge": (count,), "id": (count,)}
     elements: dict[str, Any] = {}
     for key, shape in shapes.items():

@@ -20,6 +20,8 @@ def text(source: Source) -> str:
     state, rest = source.state, source.rest()
     if state.driven:
         raise source.refuse("a particle list has no bodies on paths")
+    if state.changing:
+        raise source.refuse("a particle list has no masses and charges that change")
     lines = ["# ID x y z m c r R G B"]
     columns = zip(rest, state.mass, state.charge, state.radius, state.color, strict=True)
     lines += [f"pos {k} {_row((*x, m, c, r, *color))}" for k, (x, m, c, r, color) in enumerate(columns)]

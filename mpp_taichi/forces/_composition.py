@@ -3,8 +3,10 @@
 from typing import Any, cast
 
 from mpp_taichi import component
+from mpp_taichi.arithmetic.point_lookup import provide
 from mpp_taichi.forces._base import ExternalForce, Force
 from mpp_taichi.scene.formulas.laws import PREFIX, live_names
+from mpp_taichi.scene.formulas.program import points_of
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -32,4 +34,5 @@ def built(entry: ComponentSpec) -> Force:
         force.law, force.needs = entry.law, entry.law.needs
         force.live = {name: at for name, at in live_names(entry).items() if name in entry.law.live}
         vars(force).update(entry.law.flags)
+        provide(points_of(entry.law))
     return cast(Force, force)

@@ -15,9 +15,11 @@ from mpp_taichi.arithmetic.force_numbers import parameter, wide_number
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.arithmetic.particle_update import separation, velocity_seen
+from mpp_taichi.arithmetic.point_lookup import provide
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.scene.formulas.path_law import TIME, PathLaw
+from mpp_taichi.scene.formulas.program import points_of
 from mpp_taichi.types import Template
 
 
@@ -28,6 +30,8 @@ class DrivenBodies:
     def __init__(self, indices: Sequence[int], laws: Sequence[PathLaw]) -> None:
         """Take the index and the path of each body."""
         self.indices, self.laws, self.count = tuple(indices), tuple(laws), len(laws)
+        for law in laws:
+            provide(points_of(law))
 
     @traced
     def motion(self, state: Any, b: int, time: Any) -> list[Any]:

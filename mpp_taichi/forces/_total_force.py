@@ -44,7 +44,7 @@ class TotalForce:
         derivatives: int = 0,
         two_parts: bool = False,
         rods: Any = None,
-        paths: Any = None,
+        given: tuple[Any, Any] = (None, None),
         fewer: Any = None,
         limits: Any = None,
     ):
@@ -52,12 +52,14 @@ class TotalForce:
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
-        forces are no part of the sum: the methods that keep the lengths of rods apply them. `paths` are the bodies on given
-        paths (DrivenBodies). `fewer` says by which sum over fewer than all pairs they are summed (_fewer_pairs.py). `limits`
-        breaks springs (SpringLimits).
+        forces are no part of the sum: the methods that keep the lengths of rods apply them. `given` are the functions of the
+        time: bodies on paths (DrivenBodies), and masses and charges that change (ChangingNumbers). `fewer` says by which sum
+        over fewer than all pairs they are summed (_fewer_pairs.py). `limits` breaks and stretches springs (SpringLimits).
         """
         self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
-        self.paths, self.has_paths = paths, paths is not None
+        self.given, (self.paths, self.changes) = given, given
+        self.has_paths, self.has_changes = self.paths is not None, self.changes is not None
+        self.has_given = self.has_paths or self.has_changes
         self.limits, self.has_limits = limits, limits is not None
         self.forces, self.two_parts = forces, two_parts
         self.live: Any = None  # LiveParameters of the forces, where replicas have values of their own
@@ -125,6 +127,11 @@ class TotalForce:
         if self.by_lists:
             self.pair_sum.begin(state)
 
+    def settle(self, state: Any, time: float) -> None:
+        """Put the masses and charges of a time, where they change, before something is measured or a step is prepared."""
+        if self.has_changes:
+            self.changes.settle(state, time)
+
     def destroy(self) -> None:
         """Free the memory of the sums."""
         if self.has_pairs:
@@ -137,8 +144,8 @@ class TotalForce:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy is conserved; not where springs break or agents move bodies."""
-        return not (self.has_limits or self.has_paths) and all(force.conserves_energy for force in self.forces)
+        """Whether every force has a potential, so that energy is conserved; not where springs break or agents act."""
+        return not (self.has_limits or self.has_given) and all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
@@ -147,12 +154,14 @@ class TotalForce:
         Drag and friction brake; other forces without a potential, and formulas of the velocity, may give energy.
         """
         brakes = (force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
-        return not self.has_paths and all(brakes)
+        return not self.has_given and all(brakes)
 
     @property
     def needs(self) -> frozenset:
         """Union of the needs of all forces."""
-        return frozenset().union(*(each.needs for each in (*self.forces, self.rods, self.limits) if each is not None))
+        return frozenset().union(
+            *(each.needs for each in (*self.forces, self.rods, self.limits, self.changes) if each is not None)
+        )
 
     def pair_potentials(self, state: Any) -> np.ndarray:
         """Shares of the particles of the first replica in the potential energy of pairs that are summed in launches apart."""

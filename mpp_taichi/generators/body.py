@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.arithmetic.orbital_elements import attraction
-from mpp_taichi.component import Axes, Color, LawVector, Particle, Vector, component, marked, param
+from mpp_taichi.component import Axes, Color, Law, LawVector, Particle, Vector, component, marked, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._orbit import on_orbit, true_anomaly_at
 
 _COPIED = ("velocity", "mass", "radius", "charge", "color", "free", "name")
+_FACTORS = ("mass_factor", "charge_factor")
 _OF_ORBIT = ("around", "semi_major_axis", "true_anomaly", "mean_anomaly")
 _ANGLES = ("eccentricity", "inclination", "ascending_node", "argument_of_pericentre")
 
@@ -20,7 +21,8 @@ _ANGLES = ("eccentricity", "inclination", "ascending_node", "argument_of_pericen
 def _has_position_only(given: Mapping[str, Any]) -> bool:
     """Whether the parameters of a body give its position, and nothing of an orbit."""
     of_orbit = any(given[key] is not None for key in _OF_ORBIT) or any(given[key] != 0.0 for key in _ANGLES)
-    return given["position"] is not None and given["path"] is None and not of_orbit
+    changes = any(given[key] is not None for key in ("path", *_FACTORS))
+    return given["position"] is not None and not changes and not of_orbit
 
 
 @component
@@ -36,6 +38,10 @@ class Body(Generator):
     moves the body, of the power (m x″ − F)·x′, with F the force of all other particles and of the fields on it. Works with the
     integrators that are made of drifts and kicks, whose order it keeps; refused beside contacts, a periodic box and
     `move_to_center_of_mass`, with quantities that need a tangent, for copies side by side, and in f32c, ds and df64.
+
+    With a `mass_factor` f or a `charge_factor` g, formulas of t, the mass is m f(t) and the charge q g(t). The mass that the
+    body loses leaves with the velocity of the body, so that there is no recoil: dv/dt = F/m(t). The energy balance books the
+    change of the energy as work. Works and is refused where a path works and is refused.
     """
 
     one_particle = True
@@ -71,6 +77,12 @@ class Body(Generator):
     mean_anomaly: float = param(None, optional=True, help="mean anomaly M, in place of the true anomaly")
     radius: float = param(0.0, minimum=0.0, unit="length", help="radius for contacts and the picture")
     charge: float = param(0.0, unit="charge")
+    mass_factor: Law = param(
+        None, optional=True, names=("t",), help="the mass at the time t, divided by `mass`, such as exp(-t/10)"
+    )
+    charge_factor: Law = param(
+        None, optional=True, names=("t",), help="the charge at the time t, divided by `charge`, such as cos(w*t)"
+    )
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     free: Axes = param(
         (True, True, True), help="false for an axis along which the particle is held; a velocity along it is ignored"
@@ -99,9 +111,9 @@ class Body(Generator):
             position=np.add(position, self.displacement),
             rest_position=position,
             velocity=velocity,
-            mass=self.mass,
+            mass=self.mass * _at_start(self.mass_factor),
             radius=self.radius,
-            charge=self.charge,
+            charge=self.charge * _at_start(self.charge_factor),
             color=self.color,
             free=(False, False, False) if self.path is not None else self.free,
             name=(self.name,),
@@ -126,7 +138,7 @@ class Body(Generator):
         if self.true_anomaly is not None and self.mean_anomaly is not None:
             raise PlacementError("has a true_anomaly and a mean_anomaly, leave one of them out")
         primary = context.find(self.around)
-        mu = attraction(context.strength, (primary.mass, not primary.held), (self.mass, True))
+        mu = attraction(context.strength, (primary.mass, not primary.held), (self.mass * _at_start(self.mass_factor), True))
         if not mu > 0.0:
             forces = ", ".join(marked("forces", "gravitates"))
             raise PlacementError(f"an orbit needs {forces}, and a mass that attracts")
@@ -156,3 +168,12 @@ class Body(Generator):
         from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
 
         return path_law(self.path).at(0.0)
+
+
+def _at_start(factor: Any) -> float:
+    """A factor of a mass or a charge at the time 0; 1 where there is none."""
+    if factor is None:
+        return 1.0
+    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a factor
+
+    return float(path_law((factor,)).at(0.0)[0][0])

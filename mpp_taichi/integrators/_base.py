@@ -156,7 +156,7 @@ class Integrator:
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:
         """Whether a kernel that runs whole steps in one thread is compiled with explicit vectors."""
-        plain = not (state.carries_low or total_force.has_rods or total_force.has_paths)
+        plain = not (state.carries_low or total_force.has_rods or total_force.has_given)
         return self.launchers.vectors and total_force.pairs_in_tiles and plain
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:

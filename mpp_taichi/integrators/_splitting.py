@@ -55,8 +55,8 @@ class Splitting(Integrator):
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
     positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
 
-    Bodies on given paths are put where they are after each drift. The time moves on in the drifts only, so that the place of
-    such a body is a function of the time as it is in each kick, and the order is kept.
+    Bodies on given paths are put where they are after each drift, and masses and charges that change are set. The time moves on
+    in the drifts only, so that all of these are functions of the time as it is in each kick, and the order is kept.
     """
 
     drifts: tuple = ()
@@ -178,9 +178,9 @@ class Splitting(Integrator):
     def joins_steps(self, total_force: Any) -> bool:
         """For a step that begins and ends with a drift: the last drift and the first drift of the next step are one loop.
 
-        Bodies on given paths are put between these drifts, so that no loop is shared.
+        Bodies on given paths, and masses that change, are put between these drifts, so that no loop is shared.
         """
-        if self.begins_with_kick or total_force.has_paths or self.looks_stages_up(total_force):
+        if self.begins_with_kick or total_force.has_given or self.looks_stages_up(total_force):
             return False
         if total_force.has_pairs and total_force.depends_on_velocity:
             return False
@@ -189,10 +189,10 @@ class Splitting(Integrator):
     def looks_stages_up(self, total_force: Any) -> bool:
         """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile; and for rods.
 
-        Also for many stages with many bodies on paths, whose formulas stand in each stage.
+        Also for many stages with many functions of the time, whose formulas stand in each stage.
         """
         slopes = self.evaluations * self.slope_count(total_force)
-        paths = self.evaluations * total_force.paths.count if total_force.has_paths else 0
+        paths = self.evaluations * sum(part.count for part in total_force.given if part is not None)
         damped = bool(total_force.depends_on_velocity and slopes > MOST_SLOPES)
         return total_force.has_rods or damped or paths > MOST_SLOPES
 
@@ -222,6 +222,8 @@ class Splitting(Integrator):
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """A kick and the drift after it; a coefficient of zero compiles to nothing."""
         node, kick, drift = ti.static(self.entries[k])
+        if ti.static(total_force.has_changes and self.begins_with_kick and k == 0):
+            total_force.changes.put(state, first, time)
         sums = ti.static(self.sums(k, total_force))
         if ti.static(total_force.has_rods):
             if ti.static(kick != 0.0):
@@ -235,6 +237,8 @@ class Splitting(Integrator):
             self.drift(state, total_force, first, k, drift * dt)
         if ti.static(total_force.has_paths and not total_force.has_rods and drift != 0.0):
             total_force.paths.put(state, first, time + self.ends[k] * dt, True, True)
+        if ti.static(total_force.has_changes and drift != 0.0):
+            total_force.changes.put(state, first, time + self.ends[k] * dt)
 
     @ti.func
     def kick_stage(
@@ -260,7 +264,7 @@ class Splitting(Integrator):
                 node, kick, drift = self.entries[c]
                 if ti.static(total_force.has_rods):
                     early, late = self.drift_parts[c]
-                if ti.static(total_force.has_paths):
+                if ti.static(total_force.has_paths or total_force.has_changes):
                     end = self.ends[c]
         sums = ti.static(self.sums(1, total_force))
         if ti.static(total_force.has_rods):
@@ -272,6 +276,8 @@ class Splitting(Integrator):
             self.kick_and_drift(state, total_force, first, time + dt * node, k, dt * kick, dt * drift, sums, True)
             if ti.static(total_force.has_paths):
                 total_force.paths.put(state, first, time + dt * end, True, True)
+        if ti.static(total_force.has_changes):
+            total_force.changes.put(state, first, time + dt * end)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):

@@ -23,7 +23,7 @@ class ArrayWriter:
     """Writes the frames of a `.npz` file. Every method may raise OSError."""
 
     ARRAYS = ("position", "velocity")
-    CHANGING = ("mass", "radius", "charge")  # where spheres merge
+    CHANGING = ("mass", "radius", "charge")  # where spheres merge, or masses and charges are functions of the time
 
     def __init__(self, path: Path) -> None:
         """Nothing is opened yet."""
@@ -42,7 +42,7 @@ class ArrayWriter:
 
     def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
         """Append a frame."""
-        if self._particles is None and snapshot.merged_into is not None:
+        if self._particles is None and snapshot.numbers_change:
             for name in self.CHANGING:
                 self._parts[name] = TrajectoryPart.begin(self._part(name))
         for name, part in self._parts.items():

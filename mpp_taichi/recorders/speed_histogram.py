@@ -41,6 +41,8 @@ class SpeedHistogram:
         self.speed_unit = f"{units['length']}/{units['time']}" if units else ""
         if start.merged_into is not None:
             raise OutputError(f"{spec.source}: there is no histogram of the speeds of spheres that merge: their masses change")
+        if start.changing:
+            raise OutputError(f"{spec.source}: there is no histogram of the speeds of particles whose masses change")
         self._rows = np.flatnonzero(start.free.all(axis=1))
         self.mass = start.mass[self._rows]
         if len(self._rows) == 0:

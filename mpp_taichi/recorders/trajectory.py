@@ -23,9 +23,10 @@ class TrajectoryRecorder(NoNews):
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
     charge, name as in a `Snapshot`; of a box that repeats, its period and origin (frame_count, 3). The frames are kept in raw
-    files beside it until `close` packs them. `.xyz` and `.extxyz` are text, one block a frame. Where spheres merge, `.npz` has
-    mass, radius and charge of every frame, 0 for a sphere that has merged, and merged_into as it is at the end; the text
-    leaves merged spheres out. The file appears under its name only when it is whole. A context manager.
+    files beside it until `close` packs them. `.xyz` and `.extxyz` are text, one block a frame. Where spheres merge, or masses
+    and charges are functions of the time, `.npz` has mass, radius and charge of every frame. Of spheres that merge it has
+    merged_into as it is at the end, and 0 for the numbers of a sphere that has merged; the text leaves merged spheres out.
+    The file appears under its name only when it is whole. A context manager.
     """
 
     def __init__(self, path: str | Path, *, waits: bool = False) -> None:

@@ -112,6 +112,7 @@ class TrajectoryFile:
             time=float(self.time[frame]),
             step=int(self.step[frame]),
             merged_into=merged,
+            changing=() if "mass" in self._fixed or merged is not None else tuple(range(count)),
         )
 
     def _enclosure(self, frame: int) -> Enclosure:

@@ -131,6 +131,7 @@ def summarize(
         **spring_limit_facts(simulation),
         **({"heat_bath": True} if simulation.integrator.draws_random else {}),
         **({"driven_bodies": len(simulation.start.driven)} if simulation.start.driven else {}),
+        **({"changing_bodies": len(simulation.start.changing)} if simulation.start.changing else {}),
         "conserves_energy": simulation.phase.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "conserves_momentum": simulation.phase.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
         "conserves_angular_momentum": simulation.phase.conserves_angular_momentum

@@ -140,6 +140,8 @@ def _reason(found: Mapping[str, Any]) -> str:
         return "contacts or walls change it"
     if "driven_bodies" in found:
         return "work is done on bodies on paths"
+    if "changing_bodies" in found:
+        return "masses or charges change with the time"
     broken = found.get("spring_limits", {"lost_energy": 0.0})["lost_energy"] != 0.0
     return "springs broke or yielded" if broken else "a force does work here"
 

@@ -4,7 +4,7 @@ from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
-from mpp_taichi.scene.path_checks import check_paths
+from mpp_taichi.scene.path_checks import check_changing_numbers, check_paths
 from mpp_taichi.scene.periodic_forces import check_periodic_forces
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
@@ -22,6 +22,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
     check_paths(spec, tree, faults)
+    check_changing_numbers(spec, tree, faults)
     check_wall_motions(spec, tree, faults)
     check_tree(spec, faults)
     check_periodic_forces(spec, faults)

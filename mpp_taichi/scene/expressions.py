@@ -99,6 +99,12 @@ class Expression:
         """The names that must be given, built-in constants left out."""
         return frozenset(self._name_offsets)
 
+    @property
+    def called(self) -> frozenset[str]:
+        """The names of the functions that the expression calls."""
+        calls = (node.func for node in ast.walk(self.tree) if isinstance(node, ast.Call))
+        return frozenset(function.id for function in calls if isinstance(function, ast.Name))
+
     def check_names(self, known: Collection[str]) -> None:
         """Refuse the first name that is not known, at its column."""
         for name, offset in self._name_offsets.items():
@@ -128,8 +134,11 @@ class Expression:
 
 
 @lru_cache(maxsize=4096)  # the members of a sweep have the same expressions
-def parse(text: str) -> Expression:
-    """Read an expression; ExpressionError says which part is not allowed and where it is."""
+def parse(text: str, own: frozenset[str] = frozenset()) -> Expression:
+    """Read an expression; ExpressionError says which part is not allowed and where it is.
+
+    `own` are the names of functions of one number that the scene defines.
+    """
     if len(text) > LENGTH_ALLOWED:
         raise ExpressionError(f"an expression of {len(text)} characters is too long, allowed: {LENGTH_ALLOWED}")
     if _DATE.fullmatch(text.strip()):
@@ -159,7 +168,7 @@ def parse(text: str) -> Expression:
         if hasattr(node, "col_offset"):
             node.col_offset = _as_written(node.col_offset, before) + padding
     expression = Expression(flat, tree)
-    _check(expression)
+    _check(expression, own)
     return expression
 
 
@@ -200,33 +209,33 @@ def _offset(text: str, node: ast.AST) -> int:
     return len(text.encode()[: getattr(node, "col_offset", 0)].decode(errors="ignore"))
 
 
-def _check(expression: Expression) -> None:
+def _check(expression: Expression, own: frozenset[str]) -> None:
     """Refuse every node that the small arithmetic does not have."""
     functions = {id(node.func) for node in ast.walk(expression.tree) if isinstance(node, ast.Call)}
     for count, node in enumerate(ast.walk(expression.tree)):
-        reason = _refusal(node, functions)
+        reason = _refusal(node, functions, own)
         if count > NODES_ALLOWED:
             reason = f"the expression has more than {NODES_ALLOWED} parts"
         if reason:
             raise ExpressionError(reason, _offset(expression.text, node))
 
 
-def _refusal(node: ast.AST, functions: set[int]) -> str:
+def _refusal(node: ast.AST, functions: set[int], own: frozenset[str]) -> str:
     """Why a node may not stand in an expression; empty when it may."""
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
             return f"{shown(node.value)} is not a number"
     elif isinstance(node, ast.Name):
-        if id(node) in functions and node.id not in FUNCTIONS:
-            return f"unknown function {shown(node.id)}{suggestion(node.id, FUNCTIONS)}"
-        if id(node) not in functions and node.id in FUNCTIONS:
+        if id(node) in functions and node.id not in FUNCTIONS and node.id not in own:
+            return f"unknown function {shown(node.id)}{suggestion(node.id, [*own, *FUNCTIONS])}"
+        if id(node) not in functions and (node.id in FUNCTIONS or node.id in own):
             return f"{node.id} is a function, write {node.id}(…)"
     elif isinstance(node, ast.Call):
         if not isinstance(node.func, ast.Name):
             return "only the named functions can be called"
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
             return f"{node.func.id} takes numbers only"
-        fewest, most = FUNCTIONS.get(node.func.id, (None, None, _ANY))[2]
+        fewest, most = FUNCTIONS.get(node.func.id, (None, None, (1, 1) if node.func.id in own else _ANY))[2]
         if not fewest <= len(node.args) <= most:
             return f"{node.func.id} takes {fewest if fewest == most else 'one or more'} number(s), not {len(node.args)}"
     elif isinstance(node, ast.BinOp):

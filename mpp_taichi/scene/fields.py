@@ -23,11 +23,12 @@ LARGEST_NUMBER = 1e300
 
 @dataclass(frozen=True)
 class Context:
-    """The constants, dimensions and folder that the checks of one scene need; None is the value of a constant at fault."""
+    """The constants, dimensions, folder and functions through points that the checks of a scene need; None: it is at fault."""
 
     constants: Mapping[str, float | None] = field(default_factory=dict)
     dimensions: int = 3
     folder: Path = Path()
+    functions: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Wrong(Exception):

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.scene.expressions import parse
 from mpp_taichi.scene.formulas.grammar import kinks
 from mpp_taichi.scene.formulas.laws import is_formula, live_names, texts_of
 from mpp_taichi.scene.groups import acts, is_in
@@ -47,7 +46,7 @@ def warn_of_kinks(spec: SceneSpec) -> None:
     """Log a warning for each formula with a function that has a kink, where a step loses accuracy."""
     for entry in spec.forces:
         for text in texts_of(entry) if is_formula(entry.name) else ():
-            for name, character in kinks(parse(text)):
+            for name, character in kinks(text.expression):
                 place = replace(text.place, column=text.place.column + character) if text.place.column else text.place
                 log.warning("%s: %s: %s has a kink, at which a step loses its order", place, entry.label, name)
 

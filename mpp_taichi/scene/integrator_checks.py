@@ -29,6 +29,10 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         allowed = ", ".join(component.marked("integrators", "takes_paths"))
         faults.add(place, key, f"does not move bodies on a path, allowed: {allowed}")
         return
+    if spec.changing_entries and not spec.integrator.flag("integrators", "takes_paths"):
+        allowed = ", ".join(component.marked("integrators", "takes_paths"))
+        faults.add(place, key, f"does not know masses and charges that change, allowed: {allowed}")
+        return
     if spec.limited_springs and not spec.integrator.flag("integrators", "takes_limits"):
         allowed = ", ".join(component.marked("integrators", "takes_limits"))
         rule = "sums forces at trial places too, so that it cannot tell when springs break or yield"

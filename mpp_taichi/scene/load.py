@@ -17,6 +17,7 @@ from mpp_taichi.scene import (
     inspection,
     intervals,
     messages,
+    own_functions,
     references,
     repeats,
     right_half,
@@ -153,13 +154,15 @@ def _override(tree: Node, given: _Overrides, faults: Faults) -> Node:
 
 
 def _context(tree: Node, folder: Path, faults: Faults) -> Context:
-    """The dimensions, units and constants, which all other checks need."""
+    """The dimensions, units, constants and functions, which all other checks need."""
     dimensions = tree.get("dimensions")
     try:
         flat = dimensions is not None and Whole(minimum=2, maximum=3).check(dimensions.value, Context()) == 2
     except Wrong:
         flat = False
-    return Context(named_numbers(tree, faults), 2 if flat else 3, folder)
+    constants = named_numbers(tree, faults)
+    functions = own_functions.resolve(tree.get("functions"), constants, folder, faults)
+    return Context(constants, 2 if flat else 3, folder, functions)
 
 
 def _specification(

@@ -18,6 +18,7 @@ from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene import expectations, fields, inspection, table_columns, units
 from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Ranged, Text, Whole, Wrong
+from mpp_taichi.scene.own_functions import FunctionSpec
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RunSpec, SpringTypeSpec, ViewSpec
@@ -120,6 +121,10 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             ),
         ),
         constants=(numbers | None, Describe(None, description="names for numbers, usable in expressions")),
+        functions=(
+            dict[str, FunctionSpec] | None,
+            Describe(None, description="curves through points, by name, for formulas to call; absent: none"),
+        ),
         dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "seed of all random numbers of the scene"),
         particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),

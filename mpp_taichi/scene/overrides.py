@@ -167,7 +167,7 @@ def _instead(word: str, entries: list[Node]) -> str:
 
 def _may_have_more(walked: Path) -> bool:
     """Whether the model knows all keys of a place, so that an unknown one is found when the scene is checked."""
-    if walked in (("constants",), ("spring_types",), ("expect",), ("integrator",)):
+    if walked in (("constants",), ("functions",), ("spring_types",), ("expect",), ("integrator",)):
         return False
     return not (len(walked) == 2 and walked[0] in KIND_OF_KEY and isinstance(walked[1], int))
 

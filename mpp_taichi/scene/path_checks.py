@@ -1,4 +1,4 @@
-"""Checks of bodies on given paths: formulas that are no path, and parts of a scene that do not go with such bodies."""
+"""Checks of bodies whose path, mass or charge is a given function of the time: bad formulas, and what excludes them."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.expressions import ExpressionError, parse
+from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
@@ -26,6 +26,30 @@ def paths_of(spec: SceneSpec) -> list[Any]:
     return [path_law(entry.parameters["path"]) for _number, entry in spec.driven_entries]
 
 
+def check_changing_numbers(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    """Refuse masses and charges that are no finite numbers during the run, and parts of a scene that do not go with them."""
+    for number, entry, quantity in spec.changing_entries:
+        parameter = f"{quantity}_factor"
+        key = f"particles[{number}].{entry.name}.{parameter}"
+        if not entry.parameters[quantity]:
+            faults.add(entry.location, key, f"multiplies a {quantity} of 0, so nothing would change")
+        law = check_formulas_of_time(spec, "particles", number, entry, parameter, tree, faults)
+        if law is not None and quantity == "mass":
+            times = times_of_run(spec)
+            factor = law.numbers_at(times)[0]
+            if factor.min() <= 0.0:
+                k = int(np.argmax(factor <= 0.0))
+                told = f"the factor is {factor[k]:.6g} at t = {times[k]:g}, must be above 0 at all times"
+                faults.add(entry.parameters[parameter].place, key, told)
+    for number, entry, quantity in spec.changing_entries[:1]:
+        for reason in _reasons(spec, f"a {quantity} that changes"):
+            faults.add(entry.location, f"particles[{number}].{entry.name}.{quantity}_factor", reason)
+    if len(spec.changing_entries) > MOST_DRIVEN:
+        number, entry, quantity = spec.changing_entries[MOST_DRIVEN]
+        told = f"{len(spec.changing_entries)} masses and charges of the scene change, allowed: {MOST_DRIVEN}"
+        faults.add(entry.location, f"particles[{number}].{entry.name}.{quantity}_factor", told)
+
+
 def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse paths that are no finite numbers during the run, and parts of a scene that do not go with bodies on paths."""
     if not spec.driven_entries:
@@ -34,7 +58,7 @@ def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         check_formulas_of_time(spec, "particles", number, entry, "path", tree, faults)
         _check_mass(spec, number, entry, faults)
     number, first = spec.driven_entries[0]
-    for reason in _reasons(spec):
+    for reason in _reasons(spec, "a body on a path"):
         faults.add(first.location, f"particles[{number}].{first.name}.path", reason)
     if len(spec.driven_entries) > MOST_DRIVEN:
         number, entry = spec.driven_entries[MOST_DRIVEN]
@@ -42,49 +66,60 @@ def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         faults.add(entry.location, f"particles[{number}].{entry.name}.path", told)
 
 
-def _reasons(spec: SceneSpec) -> Iterator[str]:
-    """The parts of a scene in which a body cannot be on a path."""
+def _reasons(spec: SceneSpec, what: str) -> Iterator[str]:
+    """The parts of a scene beside which a body cannot be `what`, a function of the time."""
+    is_path = what == "a body on a path"
     if spec.contacts is not None:
-        yield "a body on a path cannot be beside contacts:, for it would have to push spheres that it meets"
+        yield f"{what} cannot be beside contacts:" + (", for it would have to push spheres that it meets" if is_path else "")
     for name in (wall.name for wall in spec.walls if wall.flag("walls", "repeats")):
-        yield f"a body on a path cannot be in a {name}, whose faces it may cross"
-    if spec.move_to_center_of_mass:
+        yield f"{what} cannot be in a {name}" + (", whose faces it may cross" if is_path else "")
+    if spec.move_to_center_of_mass and is_path:
         yield "a path is given in the frame of the scene, so move_to_center_of_mass is not allowed beside it"
     if spec.accuracy is not None:
-        yield "accuracy: compares methods that do not move bodies on a path, choose the integrator yourself"
+        yield f"accuracy: compares methods that do not know {what}, choose the integrator yourself"
     if wanted := tangent_quantities(spec):
-        yield f"{' and '.join(wanted)} needs the derivative of every step, which bodies on a path do not have"
+        yield f"{' and '.join(wanted)} needs the derivative of every step, which {what} does not have"
 
 
 def check_formulas_of_time(
     spec: SceneSpec, listed: str, number: int, entry: ComponentSpec, parameter: str, tree: Node, faults: Faults
-) -> None:
-    """Check the formulas of t that a parameter of an entry of the list `listed` has, one for each axis.
+) -> Any:
+    """The law of the formulas of t that a parameter of an entry of the list `listed` has, one formula or one for each axis.
 
     The place of each formula is noted. A text that is no formula of t is refused, and a formula that is no finite number at
-    some time of the run.
+    some time of the run: then the result is None.
     """
     from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
+    from mpp_taichi.scene.formulas.program import points_of
 
-    texts, key = entry.parameters[parameter], f"{listed}[{number}].{entry.name}.{parameter}"
+    given, key = entry.parameters[parameter], f"{listed}[{number}].{entry.name}.{parameter}"
+    texts = given if isinstance(given, tuple) else (given,)
+    keys = [f"{key}[{which}]" for which in range(len(texts))] if isinstance(given, tuple) else [key]
     entries = tree.get(listed)
     node = None if entries is None else entries.value[number].value[entry.name].get(parameter)
-    nodes = node.value if node is not None and isinstance(node.value, list) else [tree] * len(texts)
+    nodes = [node or tree] * len(texts) if node is None or not isinstance(node.value, list) else node.value
     for text, each in zip(texts, nodes):
         text.place = each.place_of(0)
     try:
         law = path_law(texts)
     except ExpressionError as error:
         which = getattr(error, "formula", 0)
-        faults.add(nodes[which].place_of(error.offset), f"{key}[{which}]", str(error))
-        return
-    end = spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
-    bad = law.first_bad(np.linspace(0.0, end, TIMES_TRIED if end else 1))
+        faults.add(nodes[which].place_of(error.offset), keys[which], str(error))
+        return None
+    bad = law.first_bad(times_of_run(spec))
     if bad is not None:
         which, what, time = bad
-        faults.add(
-            texts[which].place, f"{key}[{which}]", f"{what} is no finite number at t = {time:g}, must be one at all times"
-        )
+        told = f"{what} is no finite number at t = {time:g}, must be one at all times"
+        ends = [each.told for each in points_of(law) if not each.repeats]
+        faults.add(texts[which].place, keys[which], "; ".join([told, *ends[:1]]))
+        return None
+    return law
+
+
+def times_of_run(spec: SceneSpec) -> np.ndarray:
+    """Times from the start to the end of a run, at which formulas of the time are tried."""
+    end = spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
+    return np.linspace(0.0, end, TIMES_TRIED if end else 1)
 
 
 def _check_mass(spec: SceneSpec, number: int, entry: ComponentSpec, faults: Faults) -> None:
@@ -98,12 +133,16 @@ def _check_mass(spec: SceneSpec, number: int, entry: ComponentSpec, faults: Faul
 
 
 def warned_kinks(spec: SceneSpec) -> Iterator[tuple[Any, str]]:
-    """The place and the function of each kink in a path, at which a step loses its order."""
-    if not spec.driven_entries:
+    """The place and the function of each kink in a path, a mass or a charge, at which a step loses its order."""
+    if not (spec.driven_entries or spec.changing_entries):
         return
     from mpp_taichi.scene.formulas.grammar import kinks  # with SymPy
 
     for number, entry in spec.driven_entries:
         for text in entry.parameters["path"]:
-            for name, _character in kinks(parse(text)):
+            for name, _character in kinks(text.expression):
                 yield text.place, f"particles[{number}].{entry.name}.path: {name} has a kink, at which a step loses its order"
+    for number, entry, quantity in spec.changing_entries:
+        text, key = entry.parameters[f"{quantity}_factor"], f"particles[{number}].{entry.name}.{quantity}_factor"
+        for name, _character in kinks(text.expression):
+            yield text.place, f"{key}: {name} has a kink, at which a step loses its order"

@@ -22,3 +22,20 @@ class Points(Field):
     def schema(self) -> dict[str, Any]:
         """An array of arrays."""
         return {"type": "array", "items": InSpace(self.item).schema()}
+
+
+@dataclass(frozen=True)
+class Pairs(Field):
+    """Any number of pairs of numbers."""
+
+    item: Field
+
+    def check(self, value: Any, context: Context) -> tuple[Any, ...]:
+        """Check every pair."""
+        if not isinstance(value, list):
+            raise Wrong(f"must be a list of points [x, y], not {shown(value)}")
+        return ListOf(ListOf(self.item, (2,)), (len(value),), "points").check(value, context)
+
+    def schema(self) -> dict[str, Any]:
+        """An array of arrays of two."""
+        return {"type": "array", "items": ListOf(self.item, (2,)).schema()}

@@ -313,6 +313,18 @@ class SceneSpec:
             (k, each) for k, each in enumerate(self.particles) if each.name in takers and each.parameters["path"] is not None
         ]
 
+    @cached_property
+    def changing_entries(self) -> list[tuple[int, ComponentSpec, str]]:
+        """Number and entry of each body whose mass or charge is a given function of the time, with "mass" or "charge"."""
+        takers = {name for name in {each.name for each in self.particles} if component.flag("generators", name, "takes_path")}
+        return [
+            (k, each, quantity)
+            for k, each in enumerate(self.particles)
+            if each.name in takers
+            for quantity in ("mass", "charge")
+            if each.parameters[f"{quantity}_factor"] is not None
+        ]
+
     @property
     def rigid_entries(self) -> list[tuple[int, ComponentSpec]]:
         """Number and entry of each entry of `springs:` that makes rods in place of springs."""

@@ -22,6 +22,7 @@ KIND_TITLES = {
     "diagnostics": "Diagnostics of a whole run: further keys of `expect:`",
 }
 SPECS = {
+    "functions.NAME": "FunctionSpec",
     "spring_types.NAME": "SpringTypeSpec",
     "run": "RunSpec",
     "timeline": "EventSpec",

@@ -17,7 +17,7 @@ from mpp_taichi.scene.asked_quantities import tangent_quantities
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
-from mpp_taichi.simulation.constraints import driven_bodies_of, moved_ahead, rods_of
+from mpp_taichi.simulation.constraints import given_functions_of, moved_ahead, rods_of, with_changes
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot, springs_differ
 from mpp_taichi.start.contact_setup import contact_setup
@@ -72,7 +72,7 @@ class CompiledPhase:
         self.has_tangent = bool(tangent_quantities(spec))
         self.copies = copies_of(spec, start)
         self.replica_count = self.copies * max(1, len(replica_starts))
-        paths = driven_bodies_of(spec, start, device, plan=plan, replica_count=self.replica_count)
+        given = given_functions_of(spec, start, device, plan=plan, replica_count=self.replica_count)
         forces = compose(spec, start)
         self.live = LiveParameters(spec.forces, forces, two_parts=two_parts, replica_count=self.replica_count)
         limited, limits = with_limits(start, self.live.forces)
@@ -84,7 +84,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
             rods=rods,
-            paths=paths,
+            given=given,
             fewer=fewer_pairs(self, forces, asked=plan),
             limits=limits,
         )
@@ -315,8 +315,8 @@ class CompiledPhase:
         """Host copy of all particles now, in float64 whatever the precision is."""
         position, velocity, comoving = self.state.read_with_frame(replica)
         position = position if self.phase.box is None else self.phase.box.inside(position)
-        found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
-        found = found if comoving is None else replace(found, comoving=comoving)
+        moved = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
+        found = with_changes(self.spec, moved if comoving is None else replace(moved, comoving=comoving))
         if self.total_force.has_limits:
             found = replace(found, springs=self.total_force.limits.read(self.state, self.particles.springs))
         return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
@@ -380,10 +380,10 @@ class CompiledPhase:
     def conserves_momentum(self) -> bool:
         """Whether particles act on each other only, along the line between them, so that the total momentum is constant.
 
-        An external force or a bath changes the momentum, and so do walls and an axis that is held.
+        An external force or a bath changes the momentum, and so do walls, an axis that is held and a mass that changes.
         """
         free = bool(self.particles.free[:, : self.spec.dimensions].all()) and not self.integrator.draws_random
-        return free and not self.total_force.external and not self.surfaces
+        return free and not (self.total_force.external or self.total_force.has_changes or self.surfaces)
 
     @property
     def conserves_angular_momentum(self) -> bool:

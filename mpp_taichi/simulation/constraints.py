@@ -1,4 +1,4 @@
-"""Constraints: the rigid rods and the bodies on given paths of a phase, as parts of its step."""
+"""Constraints: the rigid rods of a phase and its bodies that are given functions of the time, as parts of its step."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import BackendError, PrecisionError, StateError
 from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.scene.changing_numbers import changes_of, with_changes
 from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.path_checks import paths_of
 from mpp_taichi.scene.spec import SceneSpec
@@ -31,13 +32,23 @@ def rods_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
     return RodProjection(start, spec.dimensions)
 
 
-def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: str, replica_count: int) -> Any:
-    """The bodies on given paths; None for a scene without such bodies.
+def given_functions_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: str, replica_count: int) -> tuple[Any, Any]:
+    """The bodies on given paths, and the masses and charges that change; each None for a scene without them.
 
     Raises:
-        PrecisionError: the precision has low parts, which the places of such bodies lack, or the device lacks a function.
+        PrecisionError: the precision has low parts, which such places and numbers lack, or the device lacks a function.
         BackendError: copies of the system are to run side by side.
     """
+    side_by_side = plan == "replicas" or replica_count > 1
+    paths, changes = _driven_bodies_of(spec, start, device), _changing_numbers_of(spec, start, device)
+    if side_by_side and paths is not None:
+        raise BackendError("the plan replicas has no bodies on a path; run one copy of the scene")
+    if side_by_side and changes is not None:
+        raise BackendError("the plan replicas has no masses and charges that change; run one copy of the scene")
+    return paths, changes
+
+
+def _driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
     if not start.driven:
         return None
     from mpp_taichi.forces._driven_bodies import DrivenBodies  # only for scenes that have paths
@@ -49,9 +60,23 @@ def driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device, *, plan: 
         )
     for name in (name for law in laws for name in law.functions):
         refusals.check_functions(f"a path calls {name}", device)
-    if plan == "replicas" or replica_count > 1:
-        raise BackendError("the plan replicas has no bodies on a path; run one copy of the scene")
     return DrivenBodies(start.driven, laws)
+
+
+def _changing_numbers_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
+    changes = changes_of(spec)
+    if not changes:
+        return None
+    from mpp_taichi.forces._changing_numbers import ChangingNumbers  # only for scenes that have such numbers
+
+    if carries_low_parts(device.precision):
+        raise PrecisionError(
+            f"masses and charges that change have no low parts, so they cannot run in {device.precision}; use f64 or f32"
+        )
+    for change in changes:
+        for name in change.law.functions:
+            refusals.check_functions(f"a {change.quantity}_factor calls {name}", device)
+    return ChangingNumbers(changes, start)
 
 
 def check_on_paths(spec: SceneSpec, start: Snapshot) -> None:
@@ -83,4 +108,4 @@ def moved_ahead(spec: SceneSpec, now: Snapshot, offset: float) -> Snapshot:
         velocity = velocity.copy()
         for index, law in zip(now.driven, paths_of(spec), strict=True):
             position[index], velocity[index] = law.at(time)
-    return now.moved(position=position, velocity=velocity, time=time, step=now.step)
+    return with_changes(spec, now.moved(position=position, velocity=velocity, time=time, step=now.step))

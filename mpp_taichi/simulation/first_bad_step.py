@@ -102,18 +102,26 @@ def left_lattice(before: Snapshot, particle: int, reason: str, *, step: int, tim
 
 
 def explained(
-    before: Snapshot, trouble: Trouble, particle: int, *, step: int, time: float, pairs_singular: bool
+    before: Snapshot, trouble: Trouble, particle: int, *, step: int, time: float, pairs_singular: bool, ends: str = ""
 ) -> StabilityError:
-    """The error for a step after which a particle is not finite, from the trouble that was found after it."""
+    """The error for a step after which a particle is not finite, from the trouble that was found after it.
+
+    `ends` says where the points of functions end that the forces call.
+    """
     if trouble.kind == "off_lattice":
         return left_lattice(before, particle, trouble.reason, step=step, time=time)
     if trouble.kind == "lost":
         return unsolved_orbit(before, particle, step=step, time=time)
-    return diagnose(before, particle, step=step, time=time, pairs_singular=pairs_singular)
+    return diagnose(before, particle, step=step, time=time, pairs_singular=pairs_singular, ends=ends)
 
 
-def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
-    """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
+def diagnose(
+    before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool, ends: str = ""
+) -> StabilityError:
+    """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state.
+
+    `ends` says where the points of functions end that the forces call.
+    """
     message = (
         f"step {step}, time {time:.9g}: the position or velocity of {label(before, particle)} is no longer a finite number"
     )
@@ -130,6 +138,8 @@ def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_s
             message += "; a close encounter of unsoftened particles needs a smaller dt or a softening"
         else:
             message += "; the step is probably too large: try a smaller dt"
+    if ends:
+        message += f"; {ends}, beyond which a formula is no number"
     error = StabilityError(message)
     error.step, error.time, error.particle = step, time, particle
     return error

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi.integrators._trouble import Trouble
+from mpp_taichi.scene.formulas.program import points_of
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.simulation.accounts import Accounts
 from mpp_taichi.simulation.clock import Clock
@@ -157,7 +158,11 @@ class WatchedLaunches:
         rewind()
         particle = trouble.particle % phase.state.particle_count
         singular = any(force.softening == 0.0 for force in phase.total_force.pair_forces)
-        raise first_bad_step.explained(before, trouble, particle, **self._next_step(dt), pairs_singular=singular)
+        laws = [entry.law for entry in phase.spec.forces if entry.law is not None]
+        ends = [function.told for law in laws for function in points_of(law) if not function.repeats]
+        raise first_bad_step.explained(
+            before, trouble, particle, **self._next_step(dt), pairs_singular=singular, ends="; ".join(dict.fromkeys(ends))
+        )
 
     def _next_step(self, dt: float) -> dict[str, Any]:
         """Number of the next step, and the time at its end."""

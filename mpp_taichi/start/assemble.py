@@ -38,10 +38,12 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
     driven = tuple(layout.starts[number] for number, _ in spec.driven_entries)
+    changing = tuple(dict.fromkeys(layout.starts[number] for number, _, _ in spec.changing_entries))
     springs = _link(spec, layout, rest_position)
     merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
     rods = _rods(spec, arrays["position"])
-    snapshot = Snapshot(**arrays, name=names, springs=springs, rods=rods, merged_into=merged_into, driven=driven)
+    arrays |= {"driven": driven, "changing": changing}
+    snapshot = Snapshot(**arrays, name=names, springs=springs, rods=rods, merged_into=merged_into)
     # Along a held axis a given velocity is ignored.
     snapshot = replace(snapshot, velocity=np.where(snapshot.moving, snapshot.velocity, 0.0))
     check_physics(spec, snapshot, layout, moved=placed_as is not None)

@@ -38,6 +38,7 @@ class AccelerationMeter:
         if self.state.merges:
             self.state.write_spheres(snapshot)
         self.state.write_snapshots((snapshot,))
+        self.total_force.settle(self.state, snapshot.time)
         self.force_sum.add_up(self.total_force, snapshot.time)
         parts = 2 if self.state.forces_have_low else 1
         found = np.empty(

@@ -110,6 +110,7 @@ class Launcher(ABC):
         """Set everything that the first step expects to find, after the state was set from outside; `dt` is the run's step."""
         self.integrator.adopt(self.state, dt)
         self.integrator.arrange(self.state)
+        self.total_force.settle(self.state, time)
         self.begin(time, dt)
         if self.contacts is not None:
             self.contacts.prepare(time)

@@ -107,6 +107,8 @@ def why_alone(spec: SceneSpec) -> str:
         return "lists of neighbours are made by all threads for one copy"
     if spec.driven_entries:
         return "bodies on a path are moved for one copy at a time"
+    if spec.changing_entries:
+        return "masses and charges that change are set for one copy at a time"
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
     if spec.forces_with("gathers"):
@@ -123,6 +125,9 @@ def _entries(spec: SceneSpec) -> Iterator[tuple[str, ComponentSpec]]:
             yield kind, entry
     for number, entry in spec.driven_entries:  # the path, with its constants, is compiled into the step
         yield "path", replace(entry, parameters={"number": number, "path": entry.parameters["path"]})
+    for number, entry, quantity in spec.changing_entries:
+        kept = {key: entry.parameters[key] for key in (quantity, f"{quantity}_factor")}
+        yield quantity, replace(entry, parameters={"number": number, **kept})
 
 
 def _told(parameters: dict[str, Any]) -> str:

@@ -122,3 +122,18 @@ def test_explain_says_it_in_words(tmp_path, capsys, measured_once):
     assert main(["explain", str(path), "-q"]) == 0
     out = capsys.readouterr().out
     assert "one launch holds many steps" in out and "linear_drag" in out and "leapfrog is stable up to" in out
+
+
+@pytest.mark.sampled(3)
+def test_bonds_are_left_out_together_with_the_springs_that_they_act_along():
+    """A bond without springs is refused, so the variant without springs is a variant without bonds too."""
+    scene = {
+        "particles": [{"body": {"mass": 1.0, "position": [float(k), 0.0, 0.0]}} for k in range(3)],
+        "springs": [{"link": {"between": [k, k + 1], "stiffness": 1.0}} for k in range(2)],
+        "forces": [{"bond": {"potential": "(l - 1)^4"}}],
+        "integrator": {"leapfrog": {"dt": 0.01}},
+        "run": {"steps": 10},
+    }
+    with Simulation(load_scene(scene), backend="cpu", plan="serial") as simulation:
+        _step, shares, _absent = measure(simulation)
+    assert [each.name for each in shares] == ["bond", "spring with bond"]

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.arithmetic.point_function import PointFunction
+
 ON_ARRAYS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
@@ -42,6 +44,11 @@ class ArrayArithmetic:
     def function(name: str, value: Any) -> Any:
         """A function of `ON_ARRAYS`."""
         return ON_ARRAYS[name](value)
+
+    @staticmethod
+    def through_points(value: Any, function: PointFunction, derivative: int) -> Any:
+        """A derivative of a function through points."""
+        return function.at(value, derivative).astype(np.asarray(value).dtype)
 
     @staticmethod
     def power(value: Any, exponent: float) -> Any:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import sympy
 
-from mpp_taichi.scene.expressions import parse
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, meaning, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
 
@@ -59,7 +59,7 @@ class BondLaw:
         return self.energy.run(RoundingArithmetic, rounded, length)[0].error + 0.0 * length
 
 
-def bond_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> BondLaw:
+def bond_law(text: str, fixed: Meanings, live: tuple[str, ...]) -> BondLaw:
     """The law of the potential `text`, with numbers for the `fixed` names; those of `live` may change in a run.
 
     ExpressionError, with the character in the text, where it is no potential of a length.
@@ -69,11 +69,11 @@ def bond_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, .
 
 
 @lru_cache(maxsize=256)
-def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...]) -> BondLaw:
+def _derived(text: str, exponents: Meanings, names: tuple[str, ...]) -> BondLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
-    expression = parse(text)
+    expression = parsed(text, exponents)
     values: dict[str, Any] = {name: sympy.Symbol(name, positive=True) for name in NAMES}
-    values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: number(value) for name, value in exponents}
+    values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: meaning(value) for name, value in exponents}
     expression.check_names(values)
     energy, length, inverse = symbolic(expression, values), values[LENGTH], sympy.Symbol("u", positive=True)
     rate = checked_size(sympy.diff(energy, length))

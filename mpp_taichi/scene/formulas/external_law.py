@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 import sympy
 
-from mpp_taichi.scene.expressions import ExpressionError, parse
+from mpp_taichi.arithmetic.point_function import PointFunction
+from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, meaning, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.pair_law import QUANTITIES
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
@@ -75,7 +77,7 @@ def external_law(
     potential: str | None,
     acceleration: tuple[str, ...] | None,
     dimensions: int,
-    fixed: tuple[tuple[str, float], ...],
+    fixed: Meanings,
     live: tuple[str, ...],
 ) -> ExternalLaw:
     """The law of a potential, of an acceleration or of both, with numbers for the `fixed` names; those of `live` may change.
@@ -84,7 +86,9 @@ def external_law(
     """
     texts = (*(() if potential is None else (potential,)), *(acceleration or ()))
     exponents = tuple(dict.fromkeys(each for text in texts for each in split_numbers(text, fixed)[0]))
-    others = tuple(each for each in fixed if each not in exponents)
+    others = tuple(
+        (name, value) for name, value in fixed if not isinstance(value, PointFunction) and (name, value) not in exponents
+    )
     derived = _derived(potential, acceleration, dimensions, exponents, (*(name for name, _ in others), *live))
     return with_numbers(derived, others, live)
 
@@ -94,7 +98,7 @@ def _derived(
     potential: str | None,
     acceleration: tuple[str, ...] | None,
     dimensions: int,
-    exponents: tuple[tuple[str, float], ...],
+    exponents: Meanings,
     names: tuple[str, ...],
 ) -> ExternalLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
@@ -107,17 +111,17 @@ def _derived(
     if acceleration is not None:
         values |= {name: symbols[name] if k < dimensions else sympy.Integer(0) for k, name in enumerate(MOTION)}
         values["v"] = sympy.sqrt(sum(values[name] ** 2 for name in MOTION))
-    values |= {name: symbols[name] for name in names} | {name: number(value) for name, value in exponents}
+    values |= {name: symbols[name] for name in names} | {name: meaning(value) for name, value in exponents}
     place, motion, push = ([symbols[name] for name in names[:dimensions]] for names in (PLACE, MOTION, PUSH))
 
     texts = [*([] if potential is None else [potential]), *(acceleration or ())]
-    parsed, found = [], []
+    expressions, found = [], []
     for which, text in enumerate(texts):
         try:
-            expression = parse(text)
+            expression = parsed(text, exponents)
             expression.check_names(values)
             found.append(symbolic(expression, values))
-            parsed.append(expression)
+            expressions.append(expression)
         except ExpressionError as error:
             raise LawError(which, error) from None
     try:
@@ -131,7 +135,7 @@ def _derived(
         moved = any(rate.has(each) for rate in rates for each in motion)
         timed = any(each.has(symbols["t"]) for each in (*rates, energy))
         jerk, snap = [], []
-        has_more = not moved and not any(map(kinks, parsed)) and all(map(is_short, rates))
+        has_more = not moved and not any(map(kinks, expressions)) and all(map(is_short, rates))
         if has_more:
             jerk = [_along(each, place, motion, symbols["t"]) for each in rates]
             has_more = all(map(is_short, jerk))

@@ -4,26 +4,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mpp_taichi.scene.expressions import RESERVED, ExpressionError, parse
+from mpp_taichi.arithmetic.point_function import PointFunction
+from mpp_taichi.scene.expressions import RESERVED, Expression, ExpressionError, parse
 from mpp_taichi.scene.faults import shown
 from mpp_taichi.scene.fields import Context, Field, ListOf, Number, Wrong, calculate
+from mpp_taichi.scene.formulas.meanings import parsed
 from mpp_taichi.scene.location import Location
 
 PARAMETERS_ALLOWED = 24
 
 
 class FormulaText(str):
-    """The text of a formula, with the constants of its scene; its names are checked together with the parameters (laws.py)."""
+    """The text of a formula, with what the scene defines of its names; they are checked together with the parameters (laws.py).
 
-    constants: Mapping[str, float]
+    `constants` are the constants of the scene, and the functions through points that the formula calls.
+    """
+
+    constants: Mapping[str, float | PointFunction]
     dimensions: int
     place: Location  # once the scene is loaded
 
-    def __new__(cls, text: str, constants: Mapping[str, float], dimensions: int) -> "FormulaText":
+    def __new__(cls, text: str, constants: Mapping[str, float | PointFunction], dimensions: int) -> "FormulaText":
         """A text that knows the numbers of its scene."""
         made = str.__new__(cls, text)
         made.constants, made.dimensions = constants, dimensions
         return made
+
+    @property
+    def expression(self) -> Expression:
+        """The text, parsed."""
+        return parsed(self, self.constants)
 
     def __getnewargs__(self) -> tuple[Any, ...]:
         """What a copy in another process is made of."""
@@ -44,13 +54,16 @@ class LawText(Field):
         if not isinstance(value, str):
             value = repr(calculate(value, context))
         try:
-            expression = parse(value)
+            expression = parse(value, frozenset(context.functions))
         except ExpressionError as error:
             raise Wrong(str(error), offset=error.offset) from None
-        used = {name: context.constants[name] for name in expression.names & set(context.constants)}
+        used: dict[str, float | PointFunction | None] = {
+            name: context.constants[name] for name in expression.names & set(context.constants)
+        }
+        used |= {name: context.functions[name] for name in expression.called & set(context.functions)}
         known = {name: number for name, number in used.items() if number is not None}
         if len(known) < len(used):
-            raise Wrong("")  # reported where the constant is defined
+            raise Wrong("")  # reported where the constant or the function is defined
         return FormulaText(value, known, context.dimensions)
 
     def schema(self) -> dict[str, Any]:

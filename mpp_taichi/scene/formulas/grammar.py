@@ -12,8 +12,11 @@ from typing import Any, NoReturn
 
 import sympy
 
-from mpp_taichi.scene.expressions import BUILT_IN, FUNCTIONS, Expression, ExpressionError, parse
+from mpp_taichi.arithmetic.point_function import PointFunction
+from mpp_taichi.scene.expressions import BUILT_IN, FUNCTIONS, Expression, ExpressionError
 from mpp_taichi.scene.faults import shown
+from mpp_taichi.scene.formulas.meanings import Meanings, parsed
+from mpp_taichi.scene.formulas.point_value import value_of
 
 PARTS_ALLOWED = 120
 """Numbers, names and operators of a formula; its third derivative may have several thousand."""
@@ -24,7 +27,6 @@ STEPS_ALLOWED = 4000
 DERIVED_STEPS_ALLOWED = 600
 """Operations of a derivative that is derived once more; it takes a second."""
 LARGEST_DENOMINATOR = 64  # 0.5 and 2.25 are kept as fractions, so that a power of 0.5 is a root
-Numbers = tuple[tuple[str, float], ...]
 WITHOUT_DERIVATIVE = ("floor",)
 WITH_KINK = ("abs", "min", "max")
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -61,14 +63,23 @@ def symbolic(expression: Expression, values: Mapping[str, Any]) -> Any:
     return _Walk(expression, values).of(expression.tree, 0)
 
 
-def split_numbers(text: str, fixed: Numbers) -> tuple[Numbers, Numbers]:
+def split_numbers(text: str, fixed: Meanings) -> tuple[Meanings, tuple[tuple[str, float], ...]]:
     """The numbers by name of the exponents of a formula, and those of its other names.
 
-    An exponent is a number while derivatives are formed, which then are much simpler.
+    An exponent is a number while derivatives are formed, which then are much simpler. Functions through points are known then,
+    too.
     """
-    powers = [node.right for node in ast.walk(parse(text).tree) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)]
+    tree = parsed(text, fixed).tree
+    powers = [node.right for node in ast.walk(tree) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)]
     names = {node.id for power in powers for node in ast.walk(power) if isinstance(node, ast.Name)}
-    return tuple(each for each in fixed if each[0] in names), tuple(each for each in fixed if each[0] not in names)
+    names |= {name for name, value in fixed if isinstance(value, PointFunction)}
+    others = tuple((name, value) for name, value in fixed if name not in names and not isinstance(value, PointFunction))
+    return tuple(each for each in fixed if each[0] in names), others
+
+
+def meaning(value: float | PointFunction) -> Any:
+    """What a name of a formula stands for while derivatives are formed: a number of SymPy, or a function through points."""
+    return value if isinstance(value, PointFunction) else number(value)
 
 
 def number(value: float) -> Any:
@@ -163,6 +174,9 @@ class _Walk:
         """A function of values."""
         if name in WITHOUT_DERIVATIVE:
             self.fail(node, f"{name} has no derivative, which a force needs")
+        own = self.values.get(name)
+        if isinstance(own, PointFunction):
+            return self.through_points(node, own, self.of(node.args[0], depth + 1))
         if name not in _FUNCTIONS:
             self.fail(node, f"{name} cannot stand in the formula of a force, allowed: {', '.join(_FUNCTIONS)}")
         arguments = [self.of(each, depth + 1) for each in node.args]
@@ -172,6 +186,15 @@ class _Walk:
             return number(float(FUNCTIONS[name][0](*map(float, arguments))))
         except (ArithmeticError, ValueError):
             self.fail(node, f"{shown(ast.unparse(node))}: not a real number")
+
+    def through_points(self, node: ast.Call, function: PointFunction, x: Any) -> Any:
+        """A function through points."""
+        if not x.is_number:
+            return value_of(function, x)
+        value = float(function.at(float(x)))
+        if not math.isfinite(value):
+            self.fail(node, f"{shown(ast.unparse(node))}: not a number, for {function.told}")
+        return number(value)
 
     def kept(self, node: ast.AST, value: Any) -> Any:
         """The value itself, or a fault where it is no real number."""

@@ -1,7 +1,7 @@
 """Laws: the law of each force whose text is a formula, and the faults of such texts.
 
 A formula stands in the scene, as a parameter of the type Law or LawVector, or in the file of a force: its literal `formula` is
-a potential, and its literal `formulas` are three accelerations, which come on top. Numbers are the parameters of the force,
+a potential, and its literal `formulas` are three accelerations, which come on top. Meanings are the parameters of the force,
 those of a vector as NAME_x, NAME_y and NAME_z, and for a formula of the scene its `parameters`, kept as `parameters.NAME`.
 """
 
@@ -9,10 +9,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.arithmetic.point_function import PointFunction
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.formulas.fields import FormulaText
+from mpp_taichi.scene.formulas.meanings import Meanings
 
 AXES = "xyz"
 PREFIX = "parameters."
@@ -66,7 +68,7 @@ def law_of(entry: Any) -> Any:
     return pair_law(written, fixed, live, None if cutoff is None else str(cutoff))
 
 
-def _field_law(entry: Any, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...]) -> Any:
+def _field_law(entry: Any, fixed: Meanings, live: tuple[str, ...]) -> Any:
     """The law of a field, whose formulas stand in the scene or, for three axes, in the file of the force."""
     from mpp_taichi.scene.formulas.external_law import external_law
 
@@ -87,9 +89,9 @@ def live_names(entry: Any) -> dict[str, str]:
     return {name.removeprefix(PREFIX): name for name in entry.live if name != "softening"}
 
 
-def _numbers(entry: Any) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
+def _numbers(entry: Any) -> tuple[Meanings, tuple[str, ...]]:
     """Fixed numbers of a formula by name, and the names of those that are live."""
-    given: dict[str, float] = {}
+    given: dict[str, float | PointFunction] = {}
     cutoff = entry.parameters.get("cutoff")
     for text in (*texts_of(entry), *([] if cutoff is None else [cutoff])):
         given |= text.constants

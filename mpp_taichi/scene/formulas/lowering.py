@@ -10,6 +10,9 @@ from typing import Any
 
 import sympy
 
+from mpp_taichi.arithmetic.point_function import POINTS
+from mpp_taichi.scene.formulas.point_value import PointValue, parts_of
+
 MOST_FACTORS = 64  # of a power to a whole number, which is computed by products
 _FUNCTIONS = {
     sympy.exp: "exp",
@@ -140,6 +143,9 @@ class Lowering:
         kind, arguments = expression.func, expression.args
         if kind in _FUNCTIONS:
             return self.step(_FUNCTIONS[kind], self.lower(arguments[0]))
+        if kind is PointValue:
+            x, function, derivative = parts_of(expression)
+            return self.step(POINTS, self.lower(x), function, derivative)
         if kind in (sympy.sinh, sympy.cosh):
             grown = sympy.exp(arguments[0])
             return self.lower((grown - 1 / grown) / 2 if kind is sympy.sinh else (grown + 1 / grown) / 2)

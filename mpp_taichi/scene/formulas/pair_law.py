@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 import sympy
 
-from mpp_taichi.scene.expressions import Expression, ExpressionError, parse
+from mpp_taichi.scene.expressions import Expression, ExpressionError
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, number, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, meaning, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import ROUNDINGS_OF_QUOTIENT, Rounded, RoundingArithmetic
 
@@ -96,7 +97,7 @@ class PairLaw:
         return program.run(ArrayArithmetic, {"u": inverse, **live}, inverse)[0]
 
 
-def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, ...], cutoff: str | None = None) -> PairLaw:
+def pair_law(text: str, fixed: Meanings, live: tuple[str, ...], cutoff: str | None = None) -> PairLaw:
     """The law of the potential `text`, with numbers for the `fixed` names; those of `live` may change in a run.
 
     Beyond the `cutoff`, a formula of the same names, there is no force, and U is shifted to be 0 there. ExpressionError, with
@@ -110,12 +111,12 @@ def pair_law(text: str, fixed: tuple[tuple[str, float], ...], live: tuple[str, .
 
 
 @lru_cache(maxsize=256)
-def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[str, ...], cutoff: str | None) -> PairLaw:
+def _derived(text: str, exponents: Meanings, names: tuple[str, ...], cutoff: str | None) -> PairLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
-    expression = parse(text)
+    expression = parsed(text, exponents)
     values: dict[str, Any] = {f"{letter}{end}": _symbol(letter, str(end)) for letter in QUANTITIES for end in (1, 2)}
     values[DISTANCE] = 1 / _U
-    values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: number(value) for name, value in exponents}
+    values |= {name: sympy.Symbol(name, real=True) for name in names} | {name: meaning(value) for name, value in exponents}
     expression.check_names(values)
     potential = symbolic(expression, values)
     factor, alone = _separated(sympy.factor_terms(potential), expression)
@@ -127,7 +128,7 @@ def _derived(text: str, exponents: tuple[tuple[str, float], ...], names: tuple[s
         derivatives.append(more if has_more else sympy.Integer(0))
     mass, charge = _symbol("m"), _symbol("q")
     energy, within = tidy(alone), None
-    reach = sympy.oo if cutoff is None else _reach(cutoff, values)
+    reach = sympy.oo if cutoff is None else _reach(cutoff, exponents, values)
     if cutoff is not None:
         within = _U - 1 / reach
         energy = energy - alone.subs(_U, 1 / reach)
@@ -150,10 +151,10 @@ class CutoffError(ExpressionError):
     of_cutoff = True
 
 
-def _reach(text: str, values: Mapping[str, Any]) -> Any:
+def _reach(text: str, exponents: Meanings, values: Mapping[str, Any]) -> Any:
     """The cutoff as an expression of the numbers of a formula."""
     try:
-        expression = parse(text)
+        expression = parsed(text, exponents)
         numbers = {name: value for name, value in values.items() if name not in NAMES}
         expression.check_names(numbers)
         reach = symbolic(expression, numbers)

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import sympy
 
-from mpp_taichi.scene.expressions import ExpressionError, parse
+from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 from mpp_taichi.scene.formulas.external_law import LawError
-from mpp_taichi.scene.formulas.grammar import checked_size, number, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, meaning, symbolic, tidy
+from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram
 
 TIME = "t"
@@ -50,6 +51,10 @@ class PathLaw:
         result[: self.dimensions] = self._numbers(self.change, np.array([time]))[self.dimensions :, 0]
         return result
 
+    def numbers_at(self, times: np.ndarray) -> np.ndarray:
+        """The components of x at some times, (axes, times)."""
+        return self._numbers(self.motion, times)[: self.dimensions]
+
     def first_bad(self, times: np.ndarray) -> tuple[int, str, float] | None:
         """(axis, "x", "x′" or "x″", time) of the first of these times at which a number is not finite; None: all are."""
         rows = np.concatenate([self._numbers(self.motion, times), self._numbers(self.change, times)[self.dimensions :]])
@@ -76,15 +81,15 @@ def path_law(texts: Sequence[Any]) -> PathLaw:
 
 
 @lru_cache(maxsize=1024)
-def _derived(texts: tuple[tuple[str, tuple[tuple[str, float], ...]], ...]) -> PathLaw:
+def _derived(texts: tuple[tuple[str, Meanings], ...]) -> PathLaw:
     time = sympy.Symbol(TIME, real=True)
     places, velocities, pushes = [], [], []
     for which, (text, constants) in enumerate(texts):
         try:
-            values: Mapping[str, Any] = {TIME: time} | {name: number(value) for name, value in constants}
+            values: Mapping[str, Any] = {TIME: time} | {name: meaning(value) for name, value in constants}
             if any(name == TIME for name, _ in constants):
                 raise ExpressionError("t is the time here and a constant of the scene, rename the constant")
-            expression = parse(text)
+            expression = parsed(text, constants)
             expression.check_names(values)
             place = symbolic(expression, values)
             velocity = checked_size(sympy.diff(place, time))

@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mpp_taichi.arithmetic.point_function import POINTS, PointFunction
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
 
 Law = TypeVar("Law")
-PLAIN_STEPS = ("number", "name", "+", "-", "*", "/", "root", "chosen", "abs")
+PLAIN_STEPS = ("number", "name", "+", "-", "*", "/", "root", "chosen", "abs", POINTS)
 """Steps that every device has in every precision."""
 
 
@@ -29,6 +30,8 @@ class StepProgram:
         """The functions beyond arithmetic and roots that the steps call."""
         used = Counter(argument for step in self.steps for argument in _arguments(step))
         used.update(self.results)
+        self.points = tuple(dict.fromkeys(step[2] for step in self.steps if step[0] == POINTS))
+        """The functions through points that the steps call."""
         self._shared = {place for place, count in used.items() if count > 1}
 
     @classmethod
@@ -78,6 +81,8 @@ class StepProgram:
             return values[arguments[0]]
         if operation == "power":
             return arithmetic.power(found[arguments[0]], arguments[1])
+        if operation == POINTS:
+            return arithmetic.through_points(found[arguments[0]], *arguments[1:])
         numbers = [found[each] for each in arguments]
         if operation == "+":
             return numbers[0] + numbers[1]
@@ -101,17 +106,24 @@ def with_numbers(law: Law, fixed: Sequence[tuple[str, float]], live: tuple[str, 
     numbers = dict(fixed)
     changed = {name: each.with_numbers(numbers) for name, each in programs.items() if isinstance(each, StepProgram)}
     functions = tuple(dict.fromkeys(function for each in changed.values() for function in each.functions))
-    low = not functions and not of_law.flags.get("depends_on_time", False)
+    low = not functions and not points_of(replace(of_law, **changed)) and not of_law.flags.get("depends_on_time", False)
     flags = {**of_law.flags, "has_functions": functions, "takes_low_parts": low}
     found: Law = replace(of_law, **changed, flags=flags, live=live)
     return found
+
+
+def points_of(law: Any) -> tuple[PointFunction, ...]:
+    """The functions through points that the programs of a law, a dataclass, call."""
+    programs = (getattr(law, each.name) for each in fields(law))
+    found = [function for each in programs if isinstance(each, StepProgram) for function in each.points]
+    return tuple(dict.fromkeys(found))
 
 
 def _arguments(step: tuple[Any, ...]) -> tuple[int, ...]:
     """The earlier steps that a step uses."""
     if step[0] in ("number", "name"):
         return ()
-    return step[1:2] if step[0] == "power" else step[1:]
+    return step[1:2] if step[0] in ("power", POINTS) else step[1:]
 
 
 _IDENTITIES = {"+": 0.0, "*": 1.0}

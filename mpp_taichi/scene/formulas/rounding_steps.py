@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.arithmetic.point_function import HIGHEST_DERIVATIVE, PointFunction
 from mpp_taichi.scene.formulas.array_steps import ON_ARRAYS
 
 # In units of the last place of a device, of two roundings each, by the OpenCL C Specification 3.0, §7.4: a quotient 2.5, a root
@@ -17,6 +18,7 @@ ROUNDINGS_OF_QUOTIENT = 5
 ROUNDINGS_OF_ROOT = 6
 ROUNDINGS_OF_FUNCTION = 10
 ROUNDINGS_OF_POWER = 32
+ROUNDINGS_OF_SUM = 8  # of a cubic: three products and three sums, a factor and the coefficients themselves
 _SLOPES = {
     "exp": lambda x, value: value,
     "log": lambda x, value: 1.0 / x,
@@ -85,6 +87,14 @@ class RoundingArithmetic:
         value = ON_ARRAYS[name](number.value)
         slope = np.abs(_SLOPES[name](number.value, value))
         return Rounded(value, slope * number.error + ROUNDINGS_OF_FUNCTION * np.abs(value))
+
+    @staticmethod
+    def through_points(number: Rounded, function: PointFunction, derivative: int) -> Rounded:
+        """A derivative of a function through points, whose place and coefficients are rounded where they are stored."""
+        x = number.value
+        slope = np.abs(function.at(x, derivative + 1)) if derivative < HIGHEST_DERIVATIVE else 0.0
+        error = slope * (number.error + 2.0 * np.abs(x)) + ROUNDINGS_OF_SUM * function.magnitude_at(x, derivative)
+        return Rounded(function.at(x, derivative), error)
 
     @staticmethod
     def power(number: Rounded, exponent: float) -> Rounded:
