@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.elementary_functions import elementary, power
+from mpp_taichi.arithmetic.gas_law import pressure_share, work_share
 from mpp_taichi.arithmetic.particle_update import wide_position
 from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.component import Particles, component, param
@@ -27,6 +27,7 @@ class SkinPressure(ExternalForce):
     pressure: float = param(strength=True, minimum=0.0, unit="force length⁻¹", help="pressure p₀ inside at the start")
     outside: float = param(0.0, minimum=0.0, unit="force length⁻¹", help="pressure p_out outside")
     exponent: float = param(1.0, minimum=0.0, help="exponent γ of the pressure in the area")
+    name: str = param(None, optional=True, help="a name, which several of these forces in a scene need")
     needs = frozenset({"mass"})
     gathers = True
     encloses = True
@@ -89,12 +90,7 @@ class SkinPressure(ExternalForce):
     @ti.func
     def pressure_in(self, area):
         """p₀ (A₀/A)^γ − p_out."""
-        share = ti.cast(1.0, float)
-        if ti.static(self.exponent == 1.0):
-            share = self.start_area / area
-        elif ti.static(self.exponent != 0.0):
-            share = ti.cast(power(self.start_area / area, self.exponent), float)
-        return self.pressure * share - self.outside
+        return self.pressure * pressure_share(self.exponent, self.start_area, area) - self.outside
 
     @ti.func
     def potential(self, state: Template, i, time):
@@ -104,11 +100,7 @@ class SkinPressure(ExternalForce):
         if i - first == self.of[0]:
             area = ti.abs(self.area(state, first))
             share = area / ti.cast(self.start_area, state.wide)
-            work = share - 1.0
-            if ti.static(self.exponent == 1.0):
-                work = ti.cast(elementary("log", share), state.wide)
-            elif ti.static(self.exponent != 0.0):
-                work = (ti.cast(power(share, 1.0 - self.exponent), state.wide) - 1.0) / (1.0 - self.exponent)
+            work = work_share(state, self.exponent, share)
             outside = ti.cast(self.outside * self.start_area, state.wide) * (share - 1.0)
             result = outside - ti.cast(self.pressure * self.start_area, state.wide) * work
         return result

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.arithmetic.closed_skin import divisions_of, enclosed_volume
 from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.acting import is_switched_off
@@ -26,7 +27,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins, _shells)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -74,6 +75,23 @@ def _skins(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
             yield entry.location, f"{where}.of: has {count} particles, must have three or more, the corners of a closed skin"
         elif not signed_area(snapshot.position[first : first + count, :2]):
             yield entry.location, f"{where}.of: its corners enclose no area at the start"
+
+
+def _shells(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Closed skins in space that are none: in a plane, of a number of corners that no skin has, or without a volume."""
+    for number, entry in enumerate(spec.forces):
+        if not entry.flag("forces", "encloses_volume"):
+            continue
+        where, (first, count) = f"forces[{number}].{entry.name}", entry.parameters["of"]
+        if spec.dimensions != 3:
+            yield entry.location, f"{where}: a closed skin of triangles is in space, must be in a scene with three dimensions"
+        elif divisions_of(count) is None:
+            yield (
+                entry.location,
+                f"{where}.of: has {count} particles, must be a shell, of 10 ν² + 2 particles, or four particles",
+            )
+        elif not enclosed_volume(snapshot.position[first : first + count]):
+            yield entry.location, f"{where}.of: its corners enclose no volume at the start"
 
 
 def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

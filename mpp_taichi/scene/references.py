@@ -58,7 +58,9 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
     if spec.modes is not None:
         shown_modes = {("show", number): numbers for number, numbers in enumerate(spec.modes.show)}
         finder.modes(spec.modes.of, shown_modes, ("modes",))
-    for number, each in enumerate(spec.springs):
+    for number, each in enumerate(changed["springs"]):
+        if each.parameters.get("of", "") is None:  # a group that is not there, which is a fault by now
+            continue
         try:
             build("networks", each).spring_count(layout.lattice)
         except PlacementError as error:
