@@ -88,7 +88,7 @@ def _collector_paused() -> Iterator[None]:
 
 def _whole(tree: Node, name: str, folder: Path, faults: Faults) -> SceneSpec:
     """The scene that a tree holds, with its phases."""
-    tree = bare_names.expanded(repeats.expanded(tree, faults))
+    tree = bare_names.expanded(repeats.expanded(own_functions.with_points_of_files(tree, folder, faults), faults))
     spec, times = _check(tree, name, folder, faults)
     sliders.check_ends(spec, timeline.without_timeline(tree), lambda changed: _check(changed, name, folder, Faults())[0])
     return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])

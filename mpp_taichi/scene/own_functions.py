@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from mpp_taichi.arithmetic.point_function import PointFunction
-from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.expressions import RESERVED
 from mpp_taichi.scene.faults import Faults, shown
-from mpp_taichi.scene.fields import Context, FileBeside, Flag, ListOf, Number, Text
+from mpp_taichi.scene.fields import Context, FileBeside, Flag, ListOf, Number, Text, Wrong
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.points import Pairs
 
@@ -46,6 +46,36 @@ class _Unusable(Exception):
     """Why there is no curve through the points."""
 
 
+def with_points_of_files(tree: Node, folder: Path, faults: Faults) -> Node:
+    """The tree with the points of each file in the place of its name, so that a run that goes on has the curves it began with.
+
+    A file that cannot be read becomes a fault here.
+    """
+    node = tree.get("functions")
+    if node is None or not isinstance(node.value, dict):
+        return tree
+    changed = {name: _with_points(f"functions.{name}", entry, folder, faults) for name, entry in node.value.items()}
+    return tree.with_value({**tree.value, "functions": node.with_value(changed)})
+
+
+def _with_points(key: str, entry: Node, folder: Path, faults: Faults) -> Node:
+    file, columns = entry.get("file"), entry.get("columns")
+    if file is None or entry.get("points") is not None:
+        return entry
+    try:
+        path = FileBeside().check(file.value, Context(folder=folder))
+        chosen = None if columns is None else ListOf(Text(), (2,), "columns").check(columns.plain(), Context())
+    except Wrong:
+        return entry  # reported with the faults of all other keys
+    try:
+        points = _of_file(Path(path), chosen)
+    except _Unusable as error:
+        faults.add(file.location, key, str(error))
+        return entry
+    others = {name: child for name, child in entry.value.items() if name not in ("file", "columns")}
+    return entry.with_value({**others, "points": from_python(points, file.location)})
+
+
 def resolve(
     node: Node | None, constants: Mapping[str, float | None], folder: Path, faults: Faults
 ) -> dict[str, PointFunction | None]:
@@ -70,24 +100,18 @@ def _one(name: str, entry: Node, constants: Mapping[str, float | None], folder: 
         given = TypeAdapter(FunctionSpec).validate_python(entry.plain(), context=Context(constants, folder=folder))
     except ValidationError:
         return None  # reported with the faults of all other keys
+    if given.file is not None and given.points is None:
+        return None  # its fault was reported when the file was read
     try:
-        points = _points(given)
-        return _through(name, points, repeats=given.repeats)
-    except _Unusable as error:
-        at = entry.get("file") or entry.get("points") or entry
-        faults.add(at.place if at is entry else at.location, key, str(error))
-        return None
-
-
-def _points(given: FunctionSpec) -> np.ndarray:
-    """The points, (n, 2)."""
-    if (given.points is None) == (given.file is None):
-        raise _Unusable("must have points or a file" + ("" if given.file is None else ", not both"))
-    if given.file is None:
+        if given.points is None or given.file is not None:
+            raise _Unusable("must have points or a file" + ("" if given.file is None else ", not both"))
         if given.columns is not None:
             raise _Unusable("columns are those of a file")
-        return np.array(given.points, float).reshape(-1, 2)
-    return _of_file(Path(given.file), given.columns)
+        return _through(name, np.array(given.points, float).reshape(-1, 2), repeats=given.repeats)
+    except _Unusable as error:
+        at = entry.get("points") or entry
+        faults.add(at.place if at is entry else at.location, key, str(error))
+        return None
 
 
 def _through(name: str, points: np.ndarray, *, repeats: bool) -> PointFunction:

@@ -6,7 +6,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from mpp_taichi import SceneError, Simulation
+from mpp_taichi import SceneError, Simulation, resume
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.schema import scene_schema
 from mpp_taichi.start.assemble import assemble
@@ -124,6 +124,23 @@ def test_a_file_gives_the_same_motion_as_its_points(tmp_path, text, given):
         with Simulation(written(tmp_path, function), backend="cpu") as simulation:
             ends.append(simulation.run().snapshot().position)
     assert np.array_equal(*ends) and abs(ends[0][1, 0]) > 0.01
+
+
+def test_a_run_goes_on_with_the_points_that_it_began_with(tmp_path):
+    """The archive holds the points, whatever becomes of the file."""
+    table = "t,x\n0,0\n1,0.5\n2,0\n"
+    (tmp_path / "a.csv").write_text(table)
+    scene = written(tmp_path, "{file: a.csv}")
+    with Simulation(scene, backend="cpu") as simulation:
+        simulation.checkpoint(tmp_path / "run.archive", every=1000.0)
+        simulation.run(steps=50)
+        assert simulation.spec.resolved["functions"]["f"] == {"points": [[0.0, 0.0], [1.0, 0.5], [2.0, 0.0]]}
+    (tmp_path / "a.csv").write_text(table.replace("0.5", "0.9"))
+    with resume(tmp_path / "run.archive") as simulation:
+        end = simulation.run(steps=50).snapshot().position
+    (tmp_path / "a.csv").write_text(table)
+    with Simulation(scene, backend="cpu") as simulation:
+        assert np.array_equal(simulation.run(steps=100).snapshot().position, end)
 
 
 def test_a_function_that_no_formula_calls_changes_nothing(tmp_path):
