@@ -76,9 +76,11 @@ def _reasons(spec: SceneSpec, what: str) -> Iterator[str]:
     if spec.move_to_center_of_mass and is_path:
         yield "a path is given in the frame of the scene, so move_to_center_of_mass is not allowed beside it"
     if spec.accuracy is not None:
-        yield f"accuracy: compares methods that do not know {what}, choose the integrator yourself"
+        rule = "do not move bodies on a path" if is_path else f"do not know {what}"
+        yield f"accuracy: compares methods that {rule}, choose the integrator yourself"
     if wanted := tangent_quantities(spec):
-        yield f"{' and '.join(wanted)} needs the derivative of every step, which {what} does not have"
+        rule = "which bodies on a path do not have" if is_path else f"which {what} does not have"
+        yield f"{' and '.join(wanted)} needs the derivative of every step, {rule}"
 
 
 def check_formulas_of_time(
