@@ -9,11 +9,11 @@ import numpy as np
 from mpp_taichi.scene.formulas.laws import is_formula, live_names
 from mpp_taichi.scene.formulas.program import with_numbers
 from mpp_taichi.scene.groups import between_groups
-from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup, enclosure_of
 
+from .bonds import MOST, Bond
 from .devices import Device, Refused
 from .formula import steps_text
 from .n_body import PairForce
@@ -28,6 +28,7 @@ FORCES = {
     "uniform_gravity": {"acceleration"},
     "linear_drag": {"coefficient"},
 }
+FORMULAS = ("pair", "bond")  # kinds of laws
 PLAIN = {None, "direct", "all_pairs", "auto"}
 
 
@@ -42,6 +43,7 @@ class Problem:
     gravity: tuple[float, float, float]
     drag: float
     pairs: tuple[PairForce, ...]
+    bonds: tuple[Bond, ...]
     spring_damping: str  # "none", "axial" or "full"
     has_springs: bool
     held: bool  # whether an axis of a particle is
@@ -60,13 +62,15 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         Refused: there is none for something that it names.
     """
     _refuse(_reason(spec, snapshot, device, precision))
-    gravity, drag, pairs = np.zeros(3), 0.0, []
+    gravity, drag, pairs, bonds = np.zeros(3), 0.0, [], []
     for force in spec.forces:
         known = force.parameters
         if force.name == "uniform_gravity":
             gravity[: spec.dimensions] += np.asarray(known["acceleration"], float)[: spec.dimensions]
         elif force.name == "linear_drag":
             drag += float(known["coefficient"])
+        elif is_formula(force.name) and force.law.kind == "bond":
+            bonds.append(_bond(force, snapshot, precision))
         elif is_formula(force.name):
             pairs += between_groups(_formula(force, snapshot, precision), known["between"])
         else:
@@ -80,6 +84,7 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
         drag=drag,
         pairs=tuple(pairs) if snapshot.particle_count > 1 else (),
+        bonds=tuple(bonds) if len(snapshot.springs) > 0 else (),
         spring_damping=spec.spring_damping if damped else "none",
         has_springs=len(snapshot.springs) > 0,
         held=not bool(snapshot.free[:, : spec.dimensions].all()),
@@ -117,7 +122,8 @@ def _reason(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str)
     if spec.integrator.name not in INTEGRATORS:
         offer = _offer(spec, snapshot, device, precision)
         return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}{offer}"
-    return next((reason for force in spec.forces if (reason := _force_reason(force))), "") or _contact_reason(spec)
+    forces = next((reason for force in spec.forces if (reason := _force_reason(force))), "")
+    return forces or _bond_reason(spec) or _contact_reason(spec)
 
 
 def _offer(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> str:
@@ -130,12 +136,17 @@ def _offer(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) 
 
 
 def _force_reason(force: ComponentSpec) -> str:
-    if is_formula(force.name) and is_pair_force(force.name):
+    if is_formula(force.name) and force.law.kind in FORMULAS:
         return ""
     if force.name not in FORCES:
         return f"the force {force.name}, there are {', '.join(FORCES)}"
     others = {key: value for key, value in force.parameters.items() if key not in FORCES[force.name]}
     return next((f"{force.name} with {key}: {value}" for key, value in others.items() if not _is_plain(key, value)), "")
+
+
+def _bond_reason(spec: SceneSpec) -> str:
+    count = sum(is_formula(force.name) and force.law.kind == "bond" for force in spec.forces)
+    return f"{count} bonds, there are up to {MOST}" if count > MOST else ""
 
 
 def _is_plain(key: str, value: Any) -> bool:
@@ -156,10 +167,23 @@ def _contact_reason(spec: SceneSpec) -> str:
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
 
 
+def _law(force: ComponentSpec) -> Any:
+    """The law of a formula, with numbers for what sliders may move."""
+    live = live_names(force)
+    return with_numbers(force.law, [(name, float(force.parameters[live[name]])) for name in force.law.live], ())
+
+
+def _bond(force: ComponentSpec, snapshot: Snapshot, precision: str) -> Bond:
+    """A bond by its formula."""
+    try:
+        return Bond.of(_law(force), force.parameters["of"], snapshot.springs.between, precision)
+    except ValueError as error:
+        raise Refused(f"no OpenCL kernel for {force.label}: {error}") from None
+
+
 def _formula(force: ComponentSpec, snapshot: Snapshot, precision: str) -> PairForce:
-    """A pair force by its formula, with numbers for what sliders may move."""
-    law, live = force.law, live_names(force)
-    law = with_numbers(law, [(name, float(force.parameters[live[name]])) for name in law.live], ())
+    """A pair force by its formula."""
+    law = _law(force)
     values = {"m": snapshot.mass, "q": snapshot.charge, "R": snapshot.radius}
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [np.broadcast_to(law.of_particles(each, values), snapshot.mass.shape) for each in (law.source, law.response)]

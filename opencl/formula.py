@@ -1,6 +1,7 @@
-"""The law of a pair force that is a formula, as text of a kernel: the steps that NumPy and Taichi compute (scene/formulas/)."""
+"""The law of a force that is a formula, as text of a kernel: the steps that NumPy and Taichi compute (scene/formulas/)."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from .program import definition
@@ -15,11 +16,22 @@ def steps_text(program: Any, precision: str) -> str:
 
     ValueError where a number of the formula is beyond the precision.
     """
-    lines = []
-    for place, step in enumerate(program.steps):
-        lines.append(f"const T s{place} = {_value(step, precision)};")
-    lines.append(f"return s{program.results[0]};")
-    return "#define FORMULA_STEPS(T) \\\n    " + " \\\n    ".join(lines) + "\n"
+    lines, result = steps_of(program, precision)
+    return macro("FORMULA_STEPS(T)", [*lines, f"return {result};"])
+
+
+def steps_of(program: Any, precision: str) -> tuple[list[str], str]:
+    """The statements that compute a program, and the name of its result, for numbers or vectors of a type T.
+
+    ValueError where a number of the formula is beyond the precision.
+    """
+    lines = [f"const T s{place} = {_value(step, precision)};" for place, step in enumerate(program.steps)]
+    return lines, f"s{program.results[0]}"
+
+
+def macro(head: str, lines: Sequence[str]) -> str:
+    """The definition of a macro of several lines."""
+    return f"#define {head} \\\n    " + " \\\n    ".join(lines) + "\n"
 
 
 def _value(step: tuple[Any, ...], precision: str) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi.snapshot import Snapshot
 
 from . import springs
+from .bonds import bonds_text
 from .coverage import Problem
 from .devices import Device
 from .hard_spheres import HardSpheres
@@ -66,6 +67,7 @@ class Motion:
             ("springs", "motion"),
             problem.precision,
             known | {name: None for name, there in flags.items() if there},
+            bonds_text(problem.bonds),
         )
         kernels = ("note_places", "drift", "kick_and_drift", "stage", "accelerate", "first_half", "second_half")
         self._kernels = {name: pyopencl.Kernel(program, name) for name in kernels}
@@ -80,7 +82,7 @@ class Motion:
             memory.reals(memory.padded(snapshot.free)) if problem.held else memory.room(4),
             self.pairs.sum if self.pairs else nothing,
             self.pairs.columns if self.pairs else nothing,
-            *springs.rows(memory, snapshot),
+            *springs.rows(memory, snapshot, problem.bonds),
         )
         self.position, self.other, self.velocity, self.middle, self.acceleration = (
             memory.room(4 * self.count) for _ in range(5)
@@ -263,7 +265,7 @@ class Motion:
                 self._kick_by_sum(problem.dt, problem.dt)
             self.memory.queue.finish()
 
-        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs))
+        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs), bonds_text(problem.bonds))
         key = ("motion", device.id, problem.precision, problem.integrator, effects, self.count)
         self._group = fastest(key, [size for size in GROUPS if size <= device.handle.max_work_group_size], attempt)
 

@@ -1,20 +1,23 @@
 """The rows of half-springs that the kernels gather."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
 
+from .bonds import Bond, bits
 from .program import Memory
 
 DAMPING = {"none": 0, "axial": 1, "full": 2}  # as kernels are told it
 
 
-def rows(memory: Memory, snapshot: Snapshot) -> tuple[Any, ...]:
+def rows(memory: Memory, snapshot: Snapshot, bonds: Sequence[Bond]) -> tuple[Any, ...]:
     """Buffers start, neighbor, stiffness, rest_length, damping: both ends of every spring, by the particle they pull at.
 
-    Row i is start[i] … start[i + 1]; within a row the order is that of the scene.
+    Where there are bonds, a last buffer has the bits of those of each half-spring. Row i is start[i] … start[i + 1]; within a
+    row the order is that of the scene.
     """
     springs = snapshot.springs
     ends, others = springs.between.T.ravel(), springs.between[:, ::-1].T.ravel()
@@ -26,4 +29,5 @@ def rows(memory: Memory, snapshot: Snapshot) -> tuple[Any, ...]:
         memory.buffer(start.astype(np.int32)),
         memory.buffer(others[order].astype(np.int32)),
         *(memory.reals(values) for values in reals),
+        *([memory.buffer(bits(bonds, len(springs))[number[order]])] if bonds else []),
     )

@@ -1,7 +1,10 @@
 """Formulas in `compare`: the reference, its bounds of rounding errors, the OpenCL kernels, and errors that must be noticed."""
 
+import itertools
+
 import numpy as np
 import pytest
+from opencl_models import change_kernel
 
 from mpp_taichi.compare.certificate import ROUNDING, SMALLEST
 from mpp_taichi.compare.numpy_pairs import ROUNDINGS, Limits
@@ -39,20 +42,26 @@ def scene_of(force, **more):
     return load_scene({"particles": particles, "forces": forces, "integrator": {"leapfrog": {"dt": 1e-3}}, **more})
 
 
-def ratio_to_allowance(spec, contender_of, precision, monkeypatch=None):
+def ratio_to_allowance(spec, contender_of, precision):
     """The largest error of an acceleration, as a share of what rounding may cause."""
+    error, allowed = error_and_allowance(spec, contender_of, precision, PLACES, SPEEDS)
+    return float(np.max(error / allowed))
+
+
+def error_and_allowance(spec, contender_of, precision, places, speeds):
+    """The errors of the accelerations, and what rounding may cause."""
     start = assemble(spec)
     contender = contender_of(spec, start, precision)
-    place, speed, found = contender.accelerations_at(PLACES, SPEEDS)
+    place, speed, found = contender.accelerations_at(places, speeds)
     contender.close()
     reference = NumpyForces(spec, bodies(start, 3, [precision]))
     place, speed = kept(place, precision)[None], kept(speed, precision)[None]
-    rows = np.arange(len(PLACES))
     exact = reference.acceleration(place, speed)[0]
     unit = ROUNDING[precision] + ROUNDING["f64"]
-    size, more = (each[0] for each in reference.magnitude(place, speed, rows, Limits(unit, SMALLEST[precision])))
+    limits = Limits(unit, SMALLEST[precision])
+    size, more = (each[0] for each in reference.magnitude(place, speed, np.arange(len(places)), limits))
     allowed = (ROUNDINGS + reference.most_terms()) * unit * size + more
-    return float(np.max(np.abs(np.pad(found, ((0, 0), (0, 3 - found.shape[1]))) - exact) / allowed))
+    return np.abs(np.pad(found, ((0, 0), (0, 3 - found.shape[1]))) - exact), allowed
 
 
 def taichi(spec, start, precision):
@@ -164,6 +173,116 @@ def test_an_error_of_a_bond_is_noticed(monkeypatch, law):
     right = FormulaBond.pull
     monkeypatch.setattr(FormulaBond, "pull", lambda *given: right(*given) * (1.0 + 1e-4))
     assert ratio_to_allowance(bonded(BONDS[law]), taichi, "f64") > 100.0
+
+
+SEVERAL = [
+    {"bond": {"name": "all", "potential": "0.3*(l - rest)^4"}},
+    {
+        "bond": {
+            "name": "morse",
+            "potential": "D*(1 - exp(-a*(l - l0)))^2",
+            "parameters": {"D": 5, "a": 2, "l0": 1},
+            "of": "block",
+        }
+    },
+    {"bond": {"name": "sheet", "potential": "k*abs(l - rest)^2.5", "parameters": {"k": 0.9}, "of": "sheet"}},
+]
+OTHERS = {
+    "pairs": [
+        {"lennard_jones": {"strength": 0.2, "length": 0.3, "between": ["block", "sheet"]}},
+        {"newtonian_gravity": {"softening": 0.1}},
+    ],
+    "field": [{"uniform_gravity": {"acceleration": [0, 0, -1]}}, {"linear_drag": {"coefficient": 0.2}}],
+}
+
+
+def networks(forces, *, stiffness=1.5, damping=0.0, **more):
+    """A block and a sheet, whose particles have up to 26 and 8 springs, and one spring between them."""
+    block = {"lattice": {"name": "block", "shape": [3, 3, 4], "lower": [0, 0, 0], "upper": [2, 2, 3], "scatter": [0.1] * 3}}
+    sheet = {"lattice": {"name": "sheet", "shape": [6, 4], "lower": [4, 0, 0], "upper": [9, 3, 0], "scatter": [0.1] * 3}}
+    sheet["lattice"]["mass"] = 2.0
+    given = {"stiffness": stiffness, "damping": damping}
+    kinds = itertools.product(("block", "sheet"), ("nearest", "diagonal"))
+    springs = [{"lattice_links": {"of": each, "neighbors": kind, **given}} for each, kind in kinds]
+    springs.append({"link": {"between": ["block[0]", "sheet[0]"], **given, "rest_length": 3.0}})
+    scene = {"particles": [block, sheet], "springs": springs, "forces": forces, "integrator": {"leapfrog": {"dt": 1e-3}}}
+    return load_scene(scene | more)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("law", BONDS)
+@pytest.mark.sampled(3)
+def test_opencl_evaluates_the_same_bond(opencl, law, precision):
+    assert ratio_to_allowance(bonded(BONDS[law]), OpenclContender, precision) < 1.0
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("others", OTHERS)
+@pytest.mark.parametrize("damping", ["none", "axial", "full"])
+@pytest.mark.parametrize("stiffness", [1.5, 0.0], ids=["beside springs", "alone"])
+@pytest.mark.sampled(6)
+def test_opencl_evaluates_several_bonds_beside_other_forces(opencl, stiffness, damping, others, precision):
+    given = {"stiffness": stiffness, "damping": 0.0 if damping == "none" else 0.3}
+    spec = networks(SEVERAL + OTHERS[others], **given, spring_damping="full" if damping == "full" else "axial")
+    assert ratio_to_allowance(spec, OpenclContender, precision) < 1.0
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("potential", ["(l - rest)^4", "abs(l - rest)^2.5", "abs(l - rest)^3"])
+def test_a_bond_of_no_force_is_judged_at_its_rest_length(potential, precision):
+    """The length of a spring that is placed at rest is off by roundings: V′ ∝ (l − rest)³ is their cube, not their sum."""
+    particles = [{"body": {"name": f"b{k}", "mass": 1, "position": place.tolist()}} for k, place in enumerate(PLACES)]
+    springs = [{"link": {"between": [f"b{k}", f"b{k + 1}"], "stiffness": 0}} for k in range(len(PLACES) - 1)]
+    scene = {"particles": particles, "springs": springs, "forces": [{"bond": {"potential": potential}}]}
+    spec = load_scene(scene | {"integrator": {"leapfrog": {"dt": 1e-3}}})
+    error, allowed = error_and_allowance(spec, taichi, precision, PLACES, 0 * SPEEDS)
+    assert np.all(error <= allowed)
+
+
+BOND_FAULTS = {
+    "every spring has every bond, by fours": ("springs", "AS_CHOICE((bonds & (1 << n)) != 0)", "AS_CHOICE(bonds != 0)"),
+    "every spring has every bond, one by one": ("springs", "((bonds & (1 << n)) != 0)\nstatic", "(bonds != 0)\nstatic"),
+    "the bits of other springs": ("springs", "vload4(0, bonds + h)", "vload4(0, bonds)"),
+    "no bonds beyond four": ("springs", "#define AND_BONDS_OF_ONE(h) +", "#define AND_BONDS_OF_ONE(h) +0*"),
+    "another rest length": ("springs", "(distance, rest, vload4", "(distance, rest.yxzw, vload4"),
+    "the length for its square": ("springs", "bond_weight_of_one(distance,", "bond_weight_of_one(squared,"),
+}
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3], ids=["undamped", "damped"])
+@pytest.mark.parametrize("fault", BOND_FAULTS)
+@pytest.mark.sampled(4)
+def test_a_fault_of_bonds_in_opencl_is_noticed(opencl, fault, damping, monkeypatch):
+    change_kernel(monkeypatch, *BOND_FAULTS[fault])
+    assert ratio_to_allowance(networks(SEVERAL, damping=damping), OpenclContender, "f64") > 1e6
+
+
+@pytest.mark.parametrize("integrator", ["leapfrog", "velocity_verlet", "rk4"])
+@pytest.mark.sampled(1)
+def test_bonds_move_alike_in_opencl(opencl, integrator):
+    """Both sum in f64: over 50 steps, far fewer than a period, an error of rounding grows by less than a thousand."""
+    spec = networks(SEVERAL, damping=0.2, integrator={integrator: {"dt": 2e-3}})
+    start, ends = assemble(spec), []
+    for contender_of in (taichi, OpenclContender):
+        contender = contender_of(spec, start, "f64")
+        contender.begin(start.position, start.velocity)
+        contender.advance(50)
+        ends.append(contender.read())
+        contender.close()
+    for found, expected in zip(*ends):
+        np.testing.assert_allclose(found, expected, atol=1000 * ROUNDING["f64"] * np.abs(expected).max(), rtol=0.0)
+
+
+def test_bonds_that_opencl_lacks_are_named(opencl):
+    many = [{"bond": {"name": f"b{n}", "potential": "l^2"}} for n in range(32)]
+    for forces, words in (
+        (many, "no OpenCL kernel for 32 bonds, there are up to 31"),
+        ([{"bond": {"potential": "1e200*l"}}], "no OpenCL kernel for bond: .* is no number of f32"),
+        ([*SEVERAL, {"external": {"potential": "x^2"}}], "no OpenCL kernel for the force external"),
+    ):
+        spec = networks(forces)
+        with pytest.raises(BackendError, match=words):
+            OpenclContender(spec, assemble(spec), "f32")
 
 
 @pytest.mark.parametrize("law", BONDS)

@@ -55,7 +55,7 @@ def test_a_fault_in_the_direct_sum_is_seen(opencl, fault, monkeypatch):
 
 
 SPRING_FAULTS = {
-    "wrong sign": ("springs", "(distance - rest_length) / distance", "(rest_length - distance) / distance"),
+    "wrong sign": ("springs", "(distance - rest_length[h]) / distance", "(rest_length[h] - distance) / distance"),
     "dropped spring": ("springs", "const int end = start[i + 1];", "const int end = start[i + 1] - 1;"),
     "drag forgotten": ("motion", "(friction - DRAG * moving)", "friction"),
     "held axis let go": ("motion", "return select((REAL4)(0), a, free_axes[i] > 0);", "return a;"),

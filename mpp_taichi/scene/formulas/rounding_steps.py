@@ -2,7 +2,8 @@
 
 A number carries a bound of its error in units of rounding u: of a sum e_a + e_b + |a + b|, of a product |a| e_b + |b| e_a +
 |a b|, of a quotient q = a/b (e_a + |q| e_b)/|b| + ROUNDINGS_OF_QUOTIENT |q|, of a function |f′| e + ROUNDINGS_OF_FUNCTION |f|.
-Terms of second order in u are left out. Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms (2002), §3.3.
+Terms of second order in u are left out, but for those of products, e_a e_b u, and of roots: where a spring has its rest length,
+(l − rest)³ and √|l − rest| have no others. Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms (2002), §3.3.
 """
 
 from typing import Any
@@ -19,6 +20,8 @@ ROUNDINGS_OF_ROOT = 6
 ROUNDINGS_OF_FUNCTION = 10
 ROUNDINGS_OF_POWER = 32
 ROUNDINGS_OF_SUM = 8  # of a cubic: three products and three sums, a factor and the coefficients themselves
+LARGEST_UNIT, SMALLEST_UNIT = 2.0**-24, 2.0**-53
+"""Units of rounding of f32 and f64, for terms that are of another order in u than the first."""
 _SLOPES = {
     "exp": lambda x, value: value,
     "log": lambda x, value: 1.0 / x,
@@ -53,7 +56,8 @@ class Rounded:
     def __mul__(self, other: "Rounded") -> "Rounded":
         """The product."""
         value = self.value * other.value
-        return Rounded(value, np.abs(self.value) * other.error + np.abs(other.value) * self.error + np.abs(value))
+        first = np.abs(self.value) * other.error + np.abs(other.value) * self.error
+        return Rounded(value, first + LARGEST_UNIT * self.error * other.error + np.abs(value))
 
     def __truediv__(self, other: "Rounded") -> "Rounded":
         """The quotient."""
@@ -77,9 +81,11 @@ class RoundingArithmetic:
 
     @staticmethod
     def root(number: Rounded) -> Rounded:
-        """√x."""
+        """√x, whose error is at most √(e u) near 0."""
         value = np.sqrt(number.value)
-        return Rounded(value, 0.5 * number.error / value + ROUNDINGS_OF_ROOT * value)
+        above = value > 0.0
+        first = np.where(above, 0.5 * number.error / np.where(above, value, 1.0), np.inf)
+        return Rounded(value, np.minimum(first, np.sqrt(number.error / SMALLEST_UNIT)) + ROUNDINGS_OF_ROOT * value)
 
     @staticmethod
     def function(name: str, number: Rounded) -> Rounded:
