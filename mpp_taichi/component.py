@@ -32,7 +32,7 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "AxialVector", "Color", "Axes", "Shape"),
     *("Formula", "FormulaVector", "Law", "LawVector", "Numbers", "Groups"),
-    *("Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
+    *("Particle", "Particles", "Pair", "FourInRow", "Path", "Lattice", "ModeNumbers", "Points"),
 )
 REQUIRED = object()
 
@@ -331,6 +331,7 @@ Numbers = dict  # numbers by the names that a Law gives them
 Particle = int  # index of a particle, given as an index or a name
 Particles = tuple  # a particle or a whole group: first index, count; given by index or name
 Pair = tuple  # two different Particles
+FourInRow = tuple  # four Particles of one count: of each the first particle, then the second, … are four in a row
 Groups = tuple  # two Particles, each (first, count), which may be the same
 Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes

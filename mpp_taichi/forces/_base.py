@@ -39,6 +39,7 @@ class Force:
     gathers = False  # reads a number of all particles, which `meet` sums up before each sum of the forces
     encloses = False  # the particles of the parameter `of` are the corners of a closed skin in the plane
     encloses_volume = False  # these are the corners of a closed skin in space
+    twists = False  # depends on the dihedral angles of the particles of the parameter `of`, four in a row
     takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
     takes_low_parts = True  # and in df64; double-single numbers have no exponentials, say, and no time
     has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own

@@ -178,7 +178,7 @@ def _names(expectation: Expectation, setting: Setting | None) -> dict[str, str]:
         value = expectation.parameters.get(parameter.name)
         if value is not None and parameter.type in ("Particle", "Particles"):
             found[parameter.name] = setting.name_of(value)
-        elif value is not None and parameter.type == "Pair":
+        elif value is not None and parameter.type in ("Pair", "FourInRow"):
             found[parameter.name] = f"({', '.join(map(setting.name_of, value))})"
     return found
 

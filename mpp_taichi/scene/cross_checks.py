@@ -1,6 +1,7 @@
 """Cross checks: pairs of keys of a scene that are each valid but contradict each other."""
 
 from mpp_taichi.scene.contacts import check_contacts
+from mpp_taichi.scene.dihedral_checks import check_dihedrals
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
@@ -26,6 +27,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     check_wall_motions(spec, tree, faults)
     check_tree(spec, faults)
     check_periodic_forces(spec, faults)
+    check_dihedrals(spec, faults)
     names = [entry.label for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
         if entry.label in names[:number]:

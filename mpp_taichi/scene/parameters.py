@@ -12,6 +12,7 @@ from mpp_taichi.scene.axial_field import AlongAxis
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
 from mpp_taichi.scene.formulas.fields import LawText, LawVector, Numbers
+from mpp_taichi.scene.four_in_row import FourInRow
 from mpp_taichi.scene.points import Points
 
 STRICT = ConfigDict(defer_build=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
@@ -39,6 +40,7 @@ def field_of(parameter: Parameter) -> Field:
         "Particles": fields.Reference,
         "Groups": lambda: fields.ListOf(fields.Reference(), (2,), "particles or groups"),
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
+        "FourInRow": FourInRow,
         "Path": fields.FileBeside,
         "Lattice": Text,
         "ModeNumbers": fields.Counts,

@@ -9,6 +9,7 @@ from mpp_taichi.arithmetic.closed_skin import divisions_of, enclosed_volume
 from mpp_taichi.arithmetic.polygon_area import signed_area
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.acting import is_switched_off
+from mpp_taichi.scene.dihedral_checks import line_faults
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.groups import acts
@@ -28,7 +29,7 @@ def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
     always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins, _shells)
-    for check in always if moved else (*always, _coincidences, _center_of_mass):
+    for check in always if moved else (*always, line_faults, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):

@@ -9,13 +9,15 @@ from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expectations import kind_of
 from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.four_in_row import checked_four, four_of_chain
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout, singles
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
 from mpp_taichi.scene.spec import ComponentSpec, Expectation, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
 
-_NAMING = ("Particle", "Particles", "Groups", "Pair", "ModeNumbers")  # types of parameters that name particles or a lattice
+_NAMING = ("Particle", "Particles", "Groups", "Pair", "FourInRow", "ModeNumbers")
+"""Types of parameters that name particles or a lattice."""
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
@@ -116,6 +118,8 @@ class _Finder:
                 if pair[0] is not None and pair[0] == pair[1]:
                     self.fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
                 found[parameter.name] = pair
+            elif parameter.type == "FourInRow" and value is not None:
+                found[parameter.name] = self.four(value, (*path, parameter.name))
             elif parameter.type == "ModeNumbers":
                 self.modes(given["of"], {(parameter.name,): value}, path)
         return found
@@ -162,6 +166,19 @@ class _Finder:
             return group
         index = self._find(reference, path)
         return None if index is None else (index, 1)
+
+    def four(self, value: Any, path: tuple[Any, ...]) -> tuple[tuple[int, int], ...] | None:
+        """Four groups of one size; a fault where they are none."""
+        try:
+            if not isinstance(value, tuple):
+                chain = self.group(value, path)
+                return None if chain is None else four_of_chain(chain)
+            named = [self.group(each, (*path, place)) for place, each in enumerate(value)]
+            found = tuple(each for each in named if each is not None)
+            return checked_four(found) if len(found) == len(named) else None
+        except PlacementError as error:
+            self.fault(path, str(error))
+            return None
 
     def fault(self, path: tuple[Any, ...], message: str) -> None:
         """Add a fault at a path of the scene."""

@@ -23,7 +23,7 @@ class Use(Enum):
 
 USES = {
     **dict.fromkeys(("str", "Path", "Lattice"), Use.TEXT),
-    **dict.fromkeys(("Particle", "Particles", "Pair"), Use.REFERENCE),
+    **dict.fromkeys(("Particle", "Particles", "Pair", "FourInRow"), Use.REFERENCE),
 }
 """Types of parameters whose texts are more than expressions."""
 

@@ -35,9 +35,12 @@ def cpu():
     backends.start("cpu", "f64")
 
 
+IN_SPACE = [(name, 3) for name in FORCES]
+IN_PLANE = [(name, 2) for name in FORCES if not component.flag("forces", name, "twists")]
+
+
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("name", FORCES)
-@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize(("name", "dimensions"), IN_PLANE + IN_SPACE)
 def test_force_is_minus_the_gradient_of_the_potential(name, dimensions):
     snapshot = random_snapshot(dimensions=dimensions)
     compiled = CompiledForces([build_force(name, dimensions)], snapshot, dimensions=dimensions)

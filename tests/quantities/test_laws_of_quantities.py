@@ -42,6 +42,10 @@ GIVEN = {
     "ascending_node": [ORBIT],
     "broken_springs": [{}, {"of": (1, 2)}],
     "collision_count": [{"between": "all"}, {"between": "pairs"}, {"between": "walls"}],
+    "dihedral_angle": [
+        {"of": ((0, 1), (1, 1), (2, 1), (3, 1))},
+        {"of": ((4, 1), (1, 1), (0, 1), (2, 1)), "zero": 0.5},
+    ],
     "distance": [{"of": (1, 2)}, {"of": (1, 1), "to": (2, 1)}, {"of": (1, 2), "point": (1.0, 2.0, 0.5)}, {"between": (0, 4)}],
     "eccentricity": [ORBIT],
     "enclosed_area": [{"of": (0, 4)}, {"of": (1, 3)}],
@@ -245,6 +249,7 @@ BARE = {
 NEEDS = {  # what a scene of two free bodies lacks
     "collision_count": "no contacts",
     "largest_overlap": "no contacts",
+    "dihedral_angle": "the four groups share particles",
     "spring_length": "no spring",
     "spring_strain": "no spring",
     "spring_force": "no springs",
@@ -261,7 +266,7 @@ def test_a_quantity_is_refused_exactly_where_the_scene_lacks_what_it_is_about(na
     bare = assemble(spec)
     given = {"between": (1, 0)} if name in ("distance", "rod_force") else dict(GIVEN.get(name, [{}])[0])
     if "of" in given:
-        given["of"] = (0, 1)
+        given["of"] = (0, 1) if name != "dihedral_angle" else ((0, 1), (1, 1), (0, 1), (1, 1))
     bare = replace(bare, velocity=np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 
     def measure():

@@ -59,7 +59,10 @@ FORMULAS = {
 
 
 def build_force(name, dimensions=3):
-    """An instance with every parameter that has no default set to 0.7, to a vector of that size, or to four particles."""
+    """An instance with every parameter that has no default set to 0.7, to a vector of that size, or to four particles.
+
+    Forces of torsion act on two rows of five particles, whose middle particles are in another order than their indices.
+    """
     from mpp_taichi.component import REQUIRED
 
     values = {"float": 0.7, "Vector": (0.7, -0.6, 0.5)}
@@ -67,6 +70,7 @@ def build_force(name, dimensions=3):
     declared = component.declaration("forces", name).parameters
     parameters = {p.name: values.get(p.type) for p in declared if p.default is REQUIRED or p.optional}
     parameters |= {p.name: (0, 4) for p in declared if p.default is REQUIRED and p.type == "Particles"}
+    parameters |= {p.name: tuple((place, 2) for place in (0, 1, 3, 2)) for p in declared if p.type == "FourInRow"}
     parameters |= {key: FormulaText(text, {}, dimensions) for key, text in FORMULAS.get(name, {}).items()}
     given = {p.name: p.default for p in declared if p.default is not REQUIRED and p.type != "Numbers"} | parameters
     return built(ComponentSpec(name, given, Location("a test", 1, 1)))
