@@ -265,6 +265,8 @@ def test_the_quantity_is_the_angle(angle):
     quantity.begin(setting)
     assert quantity.measure(MadeUpSample(start)) == pytest.approx(angle, abs=1e-15 * 8)
     assert quantity.label(setting) == "dihedral of a, b, c, d"
+    shifted = component.build("quantities", "dihedral_angle", {"of": tuple((k, 1) for k in range(4)), "zero": 2.0})
+    assert shifted.measure(MadeUpSample(start)) == pytest.approx(math.remainder(angle - 2.0, math.tau), abs=1e-14)
     line = replace(start, position=start.position * np.array([1.0, 0.0, 0.0]))
     with pytest.raises(NoResultError, match="on a line"):
         quantity.measure(MadeUpSample(line))
@@ -285,6 +287,13 @@ def test_what_is_no_four_is_refused(of, message):
     scene["forces"][0]["dihedral"]["of"] = of
     with pytest.raises(SceneError, match=message):
         load_scene(scene)
+
+
+def test_the_angle_of_a_long_chain_is_refused():
+    spec = load_scene(four(0.3))
+    quantity = component.build("quantities", "dihedral_angle", {"of": ((0, 2), (1, 2), (2, 2), (3, 2)), "zero": 0.0})
+    with pytest.raises(NoResultError, match="the four groups share particles, must be four particles or groups apart"):
+        quantity.begin(Setting(spec, assemble(spec)))
 
 
 def test_groups_of_different_sizes_are_refused():
