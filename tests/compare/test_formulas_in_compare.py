@@ -278,9 +278,11 @@ def test_bonds_that_opencl_lacks_are_named(opencl):
     for forces, words in (
         (many, "no OpenCL kernel for 32 bonds, there are up to 31"),
         ([{"bond": {"potential": "1e200*l"}}], "no OpenCL kernel for bond: .* is no number of f32"),
+        ([{"bond": {"potential": "f(l)"}}], "no OpenCL kernel for bond: it calls a function through points"),
+        ([{"pair": {"potential": "f(r)"}}], "no OpenCL kernel for pair: it calls a function through points"),
         ([*SEVERAL, {"external": {"potential": "x^2"}}], "no OpenCL kernel for the force external"),
     ):
-        spec = networks(forces)
+        spec = networks(forces, functions={"f": {"points": [[0, 0], [3, 1], [30, 0.5]]}})
         with pytest.raises(BackendError, match=words):
             OpenclContender(spec, assemble(spec), "f32")
 
