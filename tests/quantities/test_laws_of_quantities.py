@@ -49,6 +49,7 @@ GIVEN = {
     "distance": [{"of": (1, 2)}, {"of": (1, 1), "to": (2, 1)}, {"of": (1, 2), "point": (1.0, 2.0, 0.5)}, {"between": (0, 4)}],
     "eccentricity": [ORBIT],
     "enclosed_area": [{"of": (0, 4)}, {"of": (1, 3)}],
+    "enclosed_volume": [{"of": (0, 4)}, {"of": (1, 4)}],
     "inclination": [ORBIT],
     "kinetic_energy": [{}, {"of": (1, 2)}],
     "largest_mass": [{}, {"of": (1, 2)}],
