@@ -13,13 +13,19 @@ class EnclosedVolume(Quantity):
     of: Particles = param(help="the group of the corners, made by `shell`, or four particles")
     dimension = (3, 0, 0)
 
+    def begin(self, setting: Setting) -> None:
+        """Refuse a group of which no skin has as many corners.
+
+        Raises:
+            NoResultError: it is no shell, and has not four particles.
+        """
+        if divisions_of(self.of[1]) is None:
+            raise NoResultError(f"{self.of[1]} particles are the corners of no closed skin, which has 10 ν² + 2 or four")
+
     def label(self, setting: Setting) -> str:
         """`volume inside skin`."""
         return of_which("volume inside", setting.name_of(self.of)).replace(" of ", " ", 1)
 
     def measure(self, sample: RunSample) -> float:
         """The volume."""
-        place = sample.snapshot.position[rows(self.of)]
-        if divisions_of(len(place)) is None:
-            raise NoResultError(f"{len(place)} particles are the corners of no closed skin, which has 10 ν² + 2 or four")
-        return abs(enclosed_volume(place))
+        return abs(enclosed_volume(sample.snapshot.position[rows(self.of)]))

@@ -251,7 +251,7 @@ def test_four_particles_are_a_skin_and_the_volume_is_a_quantity():
     setting = Setting(load_scene(scene), start)
     assert quantity.label(setting) == "volume inside four"
     with pytest.raises(NoResultError, match="3 particles are the corners of no closed skin"):
-        component.build("quantities", "enclosed_volume", {"of": (0, 3)}).measure(MadeUpSample(start))
+        component.build("quantities", "enclosed_volume", {"of": (0, 3)}).begin(setting)
 
 
 @pytest.mark.parametrize(

@@ -251,6 +251,7 @@ NEEDS = {  # what a scene of two free bodies lacks
     "collision_count": "no contacts",
     "largest_overlap": "no contacts",
     "dihedral_angle": "the four groups share particles",
+    "enclosed_volume": "1 particles are the corners of no closed skin",
     "spring_length": "no spring",
     "spring_strain": "no spring",
     "spring_force": "no springs",
