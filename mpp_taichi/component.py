@@ -32,7 +32,7 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "AxialVector", "Color", "Axes", "Shape"),
     *("Formula", "FormulaVector", "Law", "LawVector", "Numbers", "Groups"),
-    *("Particle", "Particles", "Pair", "FourInRow", "Path", "Lattice", "ModeNumbers", "Points"),
+    *("Particle", "Particles", "Pair", "FourInRow", "Path", "Lattice", "ModeNumbers", "Points", "Turning"),
 )
 REQUIRED = object()
 
@@ -337,4 +337,5 @@ Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes
 Lattice = str  # name of a lattice
 Points = tuple  # vectors, any number of them
+Turning = tuple  # an angle as a Law of the time, a point, and an axis
 ModeNumbers = tuple  # numbers of a mode of the lattice that the parameter `of` names

@@ -28,6 +28,9 @@ class ContactSolver:
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
     takes_restitution   whether restitutions may change between two runs of what is compiled: `take_restitution`
     takes_motions   whether walls may move as formulas say; scenes are checked by this literal value
+    takes_turnings  whether walls may turn; scenes are checked by this literal value
+    sees_flights    whether it finds the contacts on the whole way of a sphere, and not only at the end of a step
+    takes_friction  whether walls may have a friction; scenes are checked by this literal value
     takes_heat      whether walls may have a temperature; scenes are checked by this literal value
     takes_tangent   whether it can carry a small deviation of the spheres through flights and collisions
     follows_deviation   whether it does, in the fields `tangent_…` of the state; set before `bind`
@@ -50,6 +53,9 @@ class ContactSolver:
     takes_restitution = False
     takes_heat = False
     takes_motions = False
+    takes_turnings = False
+    takes_friction = False
+    sees_flights = True
     takes_tangent = False
     follows_deviation = False
     in_turn = ""

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
-SUMS = ("virial", "dissipated_energy", "potential_change", "missed_energy")  # of real numbers, beside the impulses on walls
+# Sums of real numbers, beside the impulses on walls.
+SUMS = ("virial", "dissipated_energy", "potential_change", "missed_energy", "wall_work")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class ContactReport:
     potential_change         of the forces' potential energy when spheres became one [energy]
     largest_overlap          largest overlap of two spheres, or of a sphere and a surface, over the smaller radius; not a sum
     missed_energy            of bounces that a solver for resting spheres left out, as spheres met again in a drift [energy]
+    wall_work                work of moving walls on spheres, as `swept`, `simultaneous` and `pairwise` count it [energy]
     unresolved               contacts that were given up; a run with such contacts ends with an error
     rests                    what rounding has left out of each of SUMS and then of each impulse on a wall, as a sum of floats
     """
@@ -37,6 +39,7 @@ class ContactReport:
     potential_change: float = 0.0
     largest_overlap: float = 0.0
     missed_energy: float = 0.0
+    wall_work: float = 0.0
     unresolved: int = 0
     rests: tuple[tuple[float, ...], ...] = ()
 

@@ -30,6 +30,9 @@ class Pairwise(ContactSolver):
 
     drifts = True
     takes_motions = True
+    takes_turnings = True
+    takes_friction = True
+    sees_flights = False
     order = 1
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -31,6 +31,8 @@ class Swept(ContactSolver):
     drifts = True
     takes_heat = True
     takes_motions = True
+    takes_turnings = True
+    takes_friction = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

@@ -19,8 +19,9 @@ class EnergyBalance:
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
                         that springs lost as they broke or yielded, and restitution or merging took in contacts [energy]
     work                W = ∫ Σ F·v dt over the other forces without a potential, the work of the agents that move bodies on
-                        given paths, the energy that `parameter_change` booked, and the change of the potential energy by
-                        merging, which changes masses and places [energy]
+                        given paths, and of moving walls (booked by `swept`, `simultaneous` and `pairwise`), the energy that
+                        `parameter_change` booked, and the change of the potential energy by merging, which changes masses
+                        and places [energy]
     heat                Q, the energy that a bath of the method has given; there only where the method has a bath
     residual            E + D − W − Q − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D, |W| or |Q| so far: the scale of the residual, whatever the zero of the
@@ -107,7 +108,7 @@ class EnergyBalance:
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
         dissipated += simulation.phase.lost_by_springs - self._lost_before
-        work = self.work + simulation.contact_report.potential_change
+        work = self.work + simulation.contact_report.potential_change + simulation.contact_report.wall_work
         work += self._rods_elsewhere + _work_on_rods(simulation.phase)
         heat = self._heat_elsewhere + _heat(simulation.phase)
         has_bath = simulation.phase.integrator.draws_random or heat != 0.0

@@ -14,6 +14,7 @@ from mpp_taichi.scene.fields import Field, Number, Text, Whole
 from mpp_taichi.scene.formulas.fields import LawText, LawVector, Numbers
 from mpp_taichi.scene.four_in_row import FourInRow
 from mpp_taichi.scene.points import Points
+from mpp_taichi.scene.turning_field import TurningField
 
 STRICT = ConfigDict(defer_build=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 
@@ -45,6 +46,7 @@ def field_of(parameter: Parameter) -> Field:
         "Lattice": Text,
         "ModeNumbers": fields.Counts,
         "Points": lambda: Points(Number(**span)),
+        "Turning": lambda: TurningField(tuple(parameter.names)),
     }
     return makers[parameter.type]()
 

@@ -1,4 +1,4 @@
-"""Checks of walls that move as formulas of the time say."""
+"""Checks of walls that move as formulas of the time say, that turn, and that have a friction."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.path_checks import check_formulas_of_time
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.turning_checks import check_angle
 
 
 def moved_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
@@ -14,29 +15,44 @@ def moved_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
     return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("motion") is not None]
 
 
+def turned_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
+    """Number and entry of each wall with a `turning`."""
+    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("turning") is not None]
+
+
+def rough_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
+    """Number and entry of each wall with a `friction`."""
+    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("friction", 0.0) > 0.0]
+
+
 def functions_of_motions(spec: SceneSpec) -> list[str]:
     """The functions beyond arithmetic and roots that motions of walls call, such as sin."""
-    laws = [_law(wall) for _, wall in moved_walls(spec)]
-    return list(dict.fromkeys(name for law in laws for name in law.functions))
+    texts = [wall.parameters["motion"] for _, wall in moved_walls(spec)]
+    angles = [(wall.parameters["turning"].angle,) for _, wall in turned_walls(spec)]
+    called = [name for each in (*texts, *angles) for name in _law(each).functions]
+    return list(dict.fromkeys([*called, *(("sin", "cos") if angles else ())]))
 
 
 def check_wall_motions(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse motions that are no finite numbers during the run, or beside a velocity or a solver that does not know them."""
-    moved = moved_walls(spec)
-    if not moved:
-        return
-    solver = None if spec.contacts is None else spec.contacts.solver
-    for number, wall in moved:
+    """Refuse motions and turnings that are no finite numbers during the run, or beside a solver that does not know them."""
+    for number, wall in moved_walls(spec):
         key = f"walls[{number}].{wall.name}.motion"
         if any(wall.parameters["velocity"]):
             faults.add(wall.location, key, "is beside a velocity, leave one of them out: a motion may have a term v*t")
-        if solver is not None and not solver.flag("contacts", "takes_motions"):
-            allowed = ", ".join(component.marked("contacts", "takes_motions"))
-            faults.add(wall.location, key, f"goes with the solvers {allowed}, not {solver.name}")
         check_formulas_of_time(spec, "walls", number, wall, "motion", tree, faults)
+    for number, wall in turned_walls(spec):
+        check_angle(spec, number, wall, tree, faults)
+    solver = None if spec.contacts is None else spec.contacts.solver
+    asked = (("motion", moved_walls, "motions"), ("turning", turned_walls, "turnings"), ("friction", rough_walls, "friction"))
+    for parameter, found, flag in asked:
+        if solver is not None and not solver.flag("contacts", f"takes_{flag}"):
+            allowed = ", ".join(component.marked("contacts", f"takes_{flag}"))
+            for number, wall in found(spec):
+                told = f"goes with the solvers {allowed}, not {solver.name}"
+                faults.add(wall.location, f"walls[{number}].{wall.name}.{parameter}", told)
 
 
-def _law(wall: ComponentSpec) -> Any:
+def _law(texts: Any) -> Any:
     from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where a wall has a motion
 
-    return path_law(wall.parameters["motion"])
+    return path_law(texts)

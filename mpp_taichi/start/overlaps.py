@@ -10,6 +10,7 @@ from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
+from mpp_taichi.start.wall_steps import check_wall_steps
 from mpp_taichi.walls._base import Surface
 from mpp_taichi.wording.told_apart import told_apart
 
@@ -95,6 +96,10 @@ def surface_depth(
     surface: Surface, position: np.ndarray, radius: np.ndarray, time: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """The depth of spheres in a wall [length], (n,), negative for spheres outside it, and the direction out of it (n, 3)."""
+    if surface.turning is not None:
+        at_rest = replace(surface, turning=None, motion=None, velocity=(0.0, 0.0, 0.0))
+        depth, outward = surface_depth(at_rest, surface.brought_back(position, time), radius)
+        return depth, outward @ surface.turning.matrix(time).T
     point = np.asarray(surface.point) + surface.shift_at(time)
     direction = np.asarray(surface.direction)
     offset = position - point
@@ -117,7 +122,7 @@ def bounced(surfaces: Sequence[Surface], snapshot: Snapshot, since: float) -> Sn
     position, speed = snapshot.position, np.linalg.norm(snapshot.velocity, axis=1)
     for surface in surfaces:
         depth, outward = surface_depth(surface, position, snapshot.radius, snapshot.time)
-        into = (speed + surface.speed_at(snapshot.time)) * since
+        into = (speed + surface.speed_at(snapshot.time, position)) * since
         went_in = (depth > 0.0) & (depth <= into) & snapshot.free.any(axis=1)
         position = np.where(went_in[:, None], position + 2.0 * depth[:, None] * outward, position)
     return replace(snapshot, position=position)
@@ -177,6 +182,7 @@ def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayo
     place = f"{spec.contacts.solver.location}: contacts.hard_spheres"
     _check_size(setup, layout)
     _check_radius(setup, layout)
+    check_wall_steps(spec, setup)
     faults = _overlaps(setup, particles.position, layout)
     if faults and spec.contacts.overlap == "separate":
         try:

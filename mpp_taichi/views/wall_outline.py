@@ -1,7 +1,6 @@
 """Outlines of walls, for pictures: segments, which follow moving walls. NumPy on the host."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -17,19 +16,19 @@ FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
 class Outline:
     """Segments at time 0, (m, 2, 3) [length], the velocity of each segment, (m, 3) [length / time], and the periodic box.
 
-    `motions` are the laws of displacements, each with the first of the segments that it moves, and the number of these.
+    `movers` are surfaces that move as formulas say, each with the first of the segments that it moves, and their number.
     """
 
     segments: np.ndarray
     velocity: np.ndarray
     repeating: Enclosure = field(default_factory=Enclosure)
-    motions: tuple[tuple[Any, int, int], ...] = ()
+    movers: tuple[tuple[Surface, int, int], ...] = ()
 
     def at(self, time: float) -> np.ndarray:
         """The segments at a time."""
         found = self.segments + time * self.velocity[:, None, :]
-        for law, first, count in self.motions:
-            found[first : first + count] += law.at(time)[0]
+        for surface, first, count in self.movers:
+            found[first : first + count] = surface.carried(self.segments[first : first + count], time)
         return found
 
     def inside(self, position: np.ndarray) -> np.ndarray:
@@ -47,23 +46,25 @@ def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
         component.build("walls", wall.name, wall.parameters).enclosure(spec.dimensions, wall.name) for wall in spec.walls
     ]
     center, reach = _extent(enclosures, position)
-    parts: list[tuple[np.ndarray, tuple[float, float, float], Any]] = []
+    parts: list[tuple[np.ndarray, Surface | None]] = []
     for wall, enclosure in zip(spec.walls, enclosures, strict=True):
         if "lower" in wall.parameters:
             edges = _box(wall.parameters["lower"], wall.parameters["upper"], spec.dimensions)
-            side = enclosure.surfaces[0] if enclosure.surfaces else None
-            parts.append((edges, (0.0, 0.0, 0.0) if side is None else side.velocity, None if side is None else side.motion))
+            parts.append((edges, enclosure.surfaces[0] if enclosure.surfaces else None))
         else:
-            parts += [
-                (_surface(each, center, reach, spec.dimensions), each.velocity, each.motion) for each in enclosure.surfaces
-            ]
-    segments = [part for part, _, _ in parts]
-    velocity = [np.tile(velocity, (len(part), 1)) for part, velocity, _ in parts]
+            parts += [(_surface(each, center, reach, spec.dimensions), each) for each in enclosure.surfaces]
+    segments = [part for part, _ in parts]
     firsts = np.cumsum([0, *(len(part) for part in segments)])
-    motions = [(law, int(first), len(part)) for (part, _, law), first in zip(parts, firsts) if law is not None]
+    movers = [
+        (surface, int(first), len(part))
+        for (part, surface), first in zip(parts, firsts)
+        if surface is not None and (surface.has_motion or surface.has_turning)
+    ]
+    still = (0.0, 0.0, 0.0)
+    velocity = [np.tile(still if surface is None else surface.velocity, (len(part), 1)) for part, surface in parts]
     repeating = next((each for each in enclosures if any(each.period)), Enclosure())
     lines, speeds = np.concatenate([np.zeros((0, 2, 3)), *segments]), np.concatenate([np.zeros((0, 3)), *velocity])
-    return Outline(lines, speeds, repeating, tuple(motions))
+    return Outline(lines, speeds, repeating, tuple(movers))
 
 
 def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarray, float]:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mpp_taichi.errors import PlacementError
+from mpp_taichi.walls._turning_law import TurningLaw
 
 Vector = tuple[float, float, float]
 
@@ -24,6 +25,8 @@ class Surface:
     inside       of cylinder or sphere: whether the particles are inside it; a segment has particles on both sides
     velocity     of the surface [length / time]; it is at `point` when the time is 0
     motion       in place of a velocity: the displacement from `point` as a PathLaw; None where there is none
+    turning      the surface turns about an axis, which moves along with it (TurningLaw); None where it does not
+    friction     μ: a sphere that slides along the surface gets up to μ times the impulse along the normal against its sliding
     restitution  e of a bounce off it
     label        its text in messages and reports, "walls[0].box, lower x"
     end          of a segment
@@ -45,6 +48,8 @@ class Surface:
     temperature: float | None = None
     seed: int = 1
     motion: Any = None
+    turning: TurningLaw | None = None
+    friction: float = 0.0
 
     @property
     def has_motion(self) -> bool:
@@ -54,16 +59,49 @@ class Surface:
     @property
     def moves(self) -> bool:
         """Whether the surface moves at some time."""
-        return any(self.velocity) or self.motion is not None
+        return any(self.velocity) or self.motion is not None or self.turning is not None
+
+    @property
+    def has_turning(self) -> bool:
+        """Whether the surface turns."""
+        return self.turning is not None
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether turning moves the surface to another place, as it does unless the surface looks the same from its axis."""
+        if self.turning is None:
+            return False
+        small, axis = 1e-12, self.turning.axis
+        is_parallel = float(np.linalg.norm(np.cross(axis, self.direction))) <= small
+        is_centered = float(self.turning.distance(np.array(self.point))) <= small * (self.radius or 1.0)
+        looks_same = {"plane": is_parallel, "cylinder": is_parallel and is_centered, "sphere": is_centered, "segment": False}
+        return not looks_same[self.kind]
 
     def shift_at(self, time: float) -> np.ndarray:
         """How far the surface is from `point` at a time, (3,) [length]."""
         found = np.multiply(self.velocity, time)
         return found if self.motion is None else found + self.motion.at(time)[0]
 
-    def speed_at(self, time: float) -> float:
-        """The speed of the surface at a time [length / time]."""
-        return float(np.linalg.norm(self.velocity if self.motion is None else self.motion.at(time)[1]))
+    def carried(self, points: np.ndarray, time: float) -> np.ndarray:
+        """Where points of the surface, given when the time is 0, are at a time, (…, 3) [length]."""
+        if self.turning is None:
+            return points + self.shift_at(time)
+        about = np.asarray(self.turning.about)
+        return about + (points - about) @ self.turning.matrix(time).T + self.shift_at(time)
+
+    def brought_back(self, places: np.ndarray, time: float) -> np.ndarray:
+        """The points that `carried` brings to these places at a time, (…, 3) [length]."""
+        if self.turning is None:
+            return places - self.shift_at(time)
+        about = np.asarray(self.turning.about)
+        return about + (places - about - self.shift_at(time)) @ self.turning.matrix(time)
+
+    def speed_at(self, time: float, places: np.ndarray) -> np.ndarray:
+        """At most so fast is the part of the surface beside each of some places (n, 3) at a time, (n,) [length / time]."""
+        speed = float(np.linalg.norm(self.velocity if self.motion is None else self.motion.at(time)[1]))
+        if self.turning is None:
+            return np.full(len(places), speed)
+        return speed + abs(self.turning.rate(time)) * self.turning.distance(places - self.shift_at(time))
 
     @property
     def is_thermal(self) -> bool:
@@ -130,6 +168,15 @@ def motion_law(texts: Any) -> Any:
     return path_law(texts)
 
 
+def turning_law(given: Any) -> TurningLaw | None:
+    """The law of a turning as a scene gives it (Turning); None where there is none."""
+    if given is None:
+        return None
+    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where a wall turns
+
+    return TurningLaw(path_law((given.angle,)), given.about, unit_vector(given.axis, "axis of turning"))
+
+
 def unit_vector(vector: Vector, name: str) -> Vector:
     """The direction of a vector; PlacementError where it has none."""
     largest = max(map(abs, vector))
@@ -140,8 +187,8 @@ def unit_vector(vector: Vector, name: str) -> Vector:
     return (scaled[0] / length, scaled[1] / length, scaled[2] / length)
 
 
-def segment(begin: Vector, end: Vector, *, velocity: Vector, restitution: float, label: str, wall: str = "") -> Surface:
-    """The segment between two points of the x–y plane; PlacementError where they are one point."""
+def segment(begin: Vector, end: Vector, *, velocity: Vector, restitution: float, label: str, **more: Any) -> Surface:
+    """The segment between two points of the x–y plane; PlacementError where they are one point. `more`: see Surface."""
     way = (end[0] - begin[0], end[1] - begin[1], 0.0)
     if not any(way):
         raise PlacementError(f"begins and ends at one place, [{begin[0]:g}, {begin[1]:g}]")
@@ -155,7 +202,7 @@ def segment(begin: Vector, end: Vector, *, velocity: Vector, restitution: float,
         restitution=restitution,
         label=label,
         end=(end[0], end[1], 0.0),
-        wall=wall,
+        **more,
     )
 
 
@@ -164,6 +211,8 @@ def joined(parts: Iterable[Enclosure]) -> Enclosure:
     surfaces: tuple[Surface, ...] = ()
     periodic = Enclosure()
     for part in parts:
+        for surface in part.surfaces:
+            _check(surface)
         surfaces += part.surfaces
         if any(part.period):
             if any(periodic.period):
@@ -173,3 +222,18 @@ def joined(parts: Iterable[Enclosure]) -> Enclosure:
     if made.segments and any(made.repeats[:2]):
         raise PlacementError("segments and polygons have no copies in a periodic_box that repeats along x or y; use planes")
     return made
+
+
+def _check(surface: Surface) -> None:
+    """PlacementError where a turning or a friction has no meaning for a surface."""
+    if surface.friction > 0.0 and surface.is_thermal:
+        raise PlacementError("has a friction beside a temperature, leave one of them out: the temperature draws the velocity")
+    if surface.turning is None:
+        return
+    if surface.kind == "segment" and any(surface.turning.axis[:2]):
+        raise PlacementError(
+            "turns about an axis that is not along z, but it is a strip along z: only axis: [0, 0, 1] is allowed"
+        )
+    if not surface.is_carried and surface.friction == 0.0:
+        told = "looks the same from the axis about which it turns, and without a friction nothing feels the turning"
+        raise PlacementError(f"{told}: give it a friction, or leave turning out")

@@ -3,9 +3,13 @@
 The centre of a sphere that touches a segment lies on the outline of a stadium: two sides, which are the segment moved by a
 radius, and half a circle around each end. In three dimensions everything happens in the x–y plane. A contact is the first time
 at which gap ≤ 0 and the gap shrinks, as for other surfaces (`_geometry.py`).
+
+A segment that moves as a formula says, or that turns, is looked at in its own frame (`_turnings.py`), in pieces of the flight
+that are so short that each is off by a small part of the radius. A sphere on one side then cannot come to the other side.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -13,6 +17,7 @@ import taichi as ti
 from mpp_taichi.walls._base import Surface
 from mpp_taichi.walls._geometry import turn
 from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
+from mpp_taichi.walls._turnings import MOST_PIECES, good_for, place_in_wall, turned, velocity_in_wall, velocity_of_wall
 
 FAR = 1e6  # radii; the gap of a segment that a sphere cannot press against, since it lies behind another segment
 FLAT = 1e-6  # sine of the angle up to which two segments that meet count as one straight line
@@ -24,7 +29,9 @@ class WallSegments:
 
     begin, end   (m,) ends when the time is 0 [length]
     along        (m,) unit vector from begin to end
-    moving       (m,) velocity in the x–y plane [length / time]
+    moving       (m,) velocity in the x–y plane; 0 of the segments of movers [length / time]
+    movers       surfaces that move as formulas say, one for all segments that move alike
+    mover        (m,) the number of the mover of each segment, −1: none
     neighbor     (m,) the segments that begin or end where this segment begins and where it ends, −1 where it has a free end or
                  meets more than one segment
     """
@@ -32,17 +39,23 @@ class WallSegments:
     def __init__(self, surfaces: Sequence[Surface]) -> None:
         """Allocate and fill; needs a started Taichi."""
         self.count = len(surfaces)
-        self.moves = any(any(surface.velocity[:2]) for surface in surfaces)
+        self.movers, mover = movers(surfaces)
         begin, end, velocity = (
             np.array([getattr(surface, name)[:2] for surface in surfaces]) for name in ("point", "end", "velocity")
         )
+        velocity[mover >= 0] = 0.0
+        self.moves = bool(velocity.any())
+        self.rubs = any(surface.friction > 0.0 for surface in surfaces)
         self.begin, self.end, self.along, self.moving = (ti.Vector.field(2, float) for _ in range(4))
         self.length, self.restitution_of = ti.field(float), ti.field(float)
         self.neighbor = ti.Vector.field(2, ti.i32)
+        self.friction_of, self.mover = ti.field(float), ti.field(ti.i32)
         numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
         for field in (self.begin, self.end, self.along, self.moving, self.length, self.restitution_of):
             numbers.dense(ti.i, self.count).place(field)
         integers.dense(ti.i, self.count).place(self.neighbor)
+        numbers.dense(ti.i, self.count if self.rubs else 1).place(self.friction_of)
+        integers.dense(ti.i, self.count if self.movers else 1).place(self.mover)
         self._trees = [numbers.finalize(), integers.finalize()]
         real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
         for field, values in (
@@ -54,7 +67,11 @@ class WallSegments:
             (self.restitution_of, np.array([surface.restitution for surface in surfaces])),
         ):
             field.from_numpy(np.ascontiguousarray(values, dtype=real))
-        self.neighbor.from_numpy(neighbors(begin, end, velocity))
+        self.neighbor.from_numpy(neighbors(begin, end, np.column_stack([velocity, mover])))
+        if self.rubs:
+            self.friction_of.from_numpy(np.array([surface.friction for surface in surfaces], dtype=real))
+        if self.movers:
+            self.mover.from_numpy(mover)
 
     def destroy(self) -> None:
         """Give the memory back."""
@@ -74,6 +91,9 @@ class WallSegments:
         flat = self._flat_normal(g, x, along, across, time)
         result = ti.Vector.zero(float, x.n)
         result[0], result[1] = flat[0], flat[1]
+        for m in ti.static(range(len(self.movers))):
+            if self.mover[g] == m:
+                result = turned(self.movers[m], result, time, 1)
         return result
 
     @ti.func
@@ -90,19 +110,50 @@ class WallSegments:
         return result
 
     @ti.func
-    def velocity(self, g, x):
-        """The velocity of segment g, with as many components as x."""
+    def velocity(self, g, x, time):
+        """The velocity of segment g at a time, at its point x where it turns, with as many components as x."""
         result = ti.Vector.zero(float, x.n)
         if ti.static(self.moves):
             result[0], result[1] = self.moving[g][0], self.moving[g][1]
+        for m in ti.static(range(len(self.movers))):
+            if self.mover[g] == m:
+                result = velocity_of_wall(self.movers[m], x, time)
         return result
 
     @ti.func
     def time_of_contact(self, g, x, v, radius, time, horizon):
         """Earliest s in 0 … horizon at which a sphere in straight flight meets segment g; infinity if there is none."""
         result = ti.math.inf
+        if ti.static(len(self.movers) > 0):
+            result = self._time_in_pieces(g, x, v, radius, time, horizon)
+        else:
+            result = self._time_on_tangent(g, x, v, radius, time, horizon)
+        return result
+
+    @ti.func
+    def _time_in_pieces(self, g, x, v, radius, time, horizon):
+        """The time of contact where a flight is curved in the frame of the segment."""
+        result = ti.math.inf
+        passed, flying = horizon * 0, True
+        while flying:
+            place, now, rest = x + v * passed, time + passed, horizon - passed
+            piece = rest
+            for m in ti.static(range(len(self.movers))):
+                if self.mover[g] == m:
+                    piece = ti.min(ti.max(good_for(self.movers[m], place, v, radius, now), horizon / MOST_PIECES), rest)
+            s = self._time_on_tangent(g, place, v, radius, now, piece)
+            if s <= piece:
+                result = ti.min(passed + s, horizon)
+            passed += piece
+            flying = piece < rest and s > piece
+        return result
+
+    @ti.func
+    def _time_on_tangent(self, g, x, v, radius, time, horizon):
+        """The time of contact where the flight in the frame of the segment goes on along its tangent."""
+        result = ti.math.inf
         along, across = self._place(g, x, time)
-        u = self._relative(g, v)
+        u = self._relative(g, x, v, time)
         gap = self._distance(g, along, across) - radius
         if gap <= 0:
             if self._flat_normal(g, x, along, across, time).dot(u) < 0:
@@ -126,7 +177,7 @@ class WallSegments:
         """Time of contact in a flight x + v s + acceleration s² / 2, which may lead around an end to the other side."""
         result = ti.math.inf
         along, across = self._place(g, x, time)
-        u, a = self._relative(g, v), ti.Vector([acceleration[0], acceleration[1]])
+        u, a = self._relative(g, x, v, time), ti.Vector([acceleration[0], acceleration[1]])
         gap = self._distance(g, along, across) - radius
         if gap <= 0 and self._flat_normal(g, x, along, across, time).dot(u) < 0:
             result = 0.0
@@ -216,11 +267,21 @@ class WallSegments:
 
     @ti.func
     def _from_begin(self, g, x, time):
-        return ti.Vector([x[0], x[1]]) - self.begin[g] - self._way(g, time)
+        return self._in_wall(g, x, time) - self.begin[g] - self._way(g, time)
 
     @ti.func
     def _from_end(self, g, x, time):
-        return ti.Vector([x[0], x[1]]) - self.end[g] - self._way(g, time)
+        return self._in_wall(g, x, time) - self.end[g] - self._way(g, time)
+
+    @ti.func
+    def _in_wall(self, g, x, time):
+        """The place x in the x–y plane; of a segment that moves as a formula says, in its frame."""
+        result = ti.Vector([x[0], x[1]])
+        for m in ti.static(range(len(self.movers))):
+            if self.mover[g] == m:
+                place = place_in_wall(self.movers[m], x, time)
+                result = ti.Vector([place[0], place[1]])
+        return result
 
     @ti.func
     def _way(self, g, time):
@@ -230,10 +291,14 @@ class WallSegments:
         return result
 
     @ti.func
-    def _relative(self, g, v):
+    def _relative(self, g, x, v, time):
         result = ti.Vector([v[0], v[1]])
         if ti.static(self.moves):
             result -= self.moving[g]
+        for m in ti.static(range(len(self.movers))):
+            if self.mover[g] == m:
+                u = velocity_in_wall(self.movers[m], x, v, time)
+                result = ti.Vector([u[0], u[1]])
         return result
 
     @ti.func
@@ -289,8 +354,29 @@ def _enters(place, speed, acceleration, reach):
     return result
 
 
+def movers(surfaces: Sequence[Surface]) -> tuple[tuple[Surface, ...], np.ndarray]:
+    """One surface for all that move alike as formulas say, and the number of this surface for each, (m,) int32; −1: none.
+
+    Segments with a velocity across the x–y plane are among them where they have a friction, which then drags along z.
+    """
+    found: dict[tuple[Any, ...], int] = {}
+    chosen: list[Surface] = []
+    numbers = np.full(len(surfaces), -1, np.int32)
+    for k, surface in enumerate(surfaces):
+        if surface.has_motion or surface.has_turning or (surface.friction > 0.0 and surface.velocity[2] != 0.0):
+            key = (id(surface.motion), id(surface.turning), surface.velocity)
+            if key not in found:
+                found[key] = len(chosen)
+                chosen.append(surface)
+            numbers[k] = found[key]
+    return tuple(chosen), numbers
+
+
 def neighbors(begin: np.ndarray, end: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """For each segment the one other that meets it at its begin, and at its end, (m, 2) int32; −1: none, or more than one."""
+    """For each segment the one other that meets it at its begin, and at its end, (m, 2) int32; −1: none, or more than one.
+
+    Only segments with the same row of `velocity` meet; a row may have more numbers than the velocity.
+    """
     places: dict[tuple[float, ...], list[int]] = {}
     for points in (begin, end):
         for number, (point, moving) in enumerate(zip(points, velocity)):

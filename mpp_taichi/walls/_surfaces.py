@@ -27,6 +27,8 @@ class WallSurfaces:
     surfaces         the surfaces of the enclosure, segments last
     account_count    number of the accounts of the enclosure
     heats            whether some surface is thermal
+    rubs             whether some surface has a friction
+    works            whether some surface moves, so that it does work
     """
 
     def __init__(self, enclosure: Enclosure) -> None:
@@ -37,6 +39,8 @@ class WallSurfaces:
         self.accounts = enclosure.account_of
         self.account_count = len(enclosure.accounts)
         self.heats = any(surface.is_thermal for surface in self.surfaces)
+        self.rubs = any(surface.friction > 0.0 for surface in self.surfaces)
+        self.works = any(surface.moves for surface in self.surfaces)
         self.segments: Any = None
         self._tree: Any = None
         if any(surface.kind == "segment" for surface in self.surfaces[: self.plain_count]):
@@ -98,12 +102,15 @@ class WallSurfaces:
 
     @ti.func
     def velocity(self, w: Template, x, time):
-        """The velocity of surface w at a time, with as many components as x."""
+        """The velocity of surface w at a time, at its point x where it turns, with as many components as x.
+
+        In place of the point that a sphere touches, x may be the centre of the sphere for the part along the normal.
+        """
         result = ti.Vector.zero(float, x.n)
         if ti.static(is_known(w)):
             result = _geometry.surface_velocity(self.surfaces[w], x, time)
         else:
-            result = self.segments.velocity(w - self.plain_count, x)
+            result = self.segments.velocity(w - self.plain_count, x, time)
         return result
 
     @ti.func
@@ -125,6 +132,20 @@ class WallSurfaces:
                 if w == s:
                     result, seed = self.surfaces[s].temperature, ti.u32(self.surfaces[s].seed)
         return result, seed
+
+    @ti.func
+    def friction(self, w):
+        """The coefficient of the friction on surface w, a number that is known only when a kernel runs."""
+        result = ti.cast(0.0, float)
+        for s in ti.static(range(self.plain_count)):
+            if ti.static(self.surfaces[s].friction > 0.0):
+                if w == s:
+                    result = ti.cast(self.surfaces[s].friction, float)
+        if ti.static(self.segment_count > 0):
+            if ti.static(self.segments.rubs):
+                if w >= self.plain_count:
+                    result = self.segments.friction_of[w - self.plain_count]
+        return result
 
     @ti.func
     def account(self, w: Template):
@@ -200,16 +221,18 @@ class WallSurfaces:
 
     @ti.func
     def touched(self, w, x, radius, time):
-        """Gap, normal, velocity, restitution and account of surface w, a number that is known only when a kernel runs."""
+        """Gap, normal, velocity at the touched point, restitution and account of surface w, known only when a kernel runs."""
         gap, n, velocity = radius * 0, ti.Vector.zero(float, x.n), ti.Vector.zero(float, x.n)
         restitution, account = ti.cast(1.0, float), 0
         for s in ti.static(range(self.plain_count)):
             if w == s:
-                gap, n, velocity = self.gap(s, x, radius, time), self.normal(s, x, time), self.velocity(s, x, time)
+                gap, n = self.gap(s, x, radius, time), self.normal(s, x, time)
+                velocity = self.velocity(s, x - (gap + radius) * n, time)
                 restitution, account = self.restitution(s), self.account(s)
         if ti.static(self.segment_count > 0):
             if w >= self.plain_count:
-                gap, n, velocity = self.gap(w, x, radius, time), self.normal(w, x, time), self.velocity(w, x, time)
+                gap, n = self.gap(w, x, radius, time), self.normal(w, x, time)
+                velocity = self.velocity(w, x - (gap + radius) * n, time)
                 restitution, account = self.restitution(w), self.account(w)
         return gap, n, velocity, restitution, account
 

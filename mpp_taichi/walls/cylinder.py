@@ -1,8 +1,8 @@
 """A cylinder."""
 
-from mpp_taichi.component import LawVector, Vector, component, param
+from mpp_taichi.component import LawVector, Turning, Vector, component, param
 from mpp_taichi.errors import PlacementError
-from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, unit_vector
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, turning_law, unit_vector
 
 
 @component
@@ -20,7 +20,11 @@ class Cylinder(Wall):
     motion: LawVector = param(
         None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
     )
+    turning: Turning = param(
+        None, optional=True, names=("t",), help="angle as a formula of the time, about a point and in space about an axis [rad]"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    friction: float = param(0.0, minimum=0.0, help="coefficient μ of the friction on spheres that slide along the wall")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
     )
@@ -43,5 +47,7 @@ class Cylinder(Wall):
             temperature=self.temperature,
             seed=self.seed,
             motion=motion_law(self.motion),
+            turning=turning_law(self.turning),
+            friction=self.friction,
         )
         return Enclosure((surface,))

@@ -1,8 +1,8 @@
 """A polygon, or a line of straight pieces."""
 
-from mpp_taichi.component import Points, Vector, component, param
+from mpp_taichi.component import LawVector, Points, Turning, Vector, component, param
 from mpp_taichi.errors import PlacementError
-from mpp_taichi.walls._base import Enclosure, Wall, segment
+from mpp_taichi.walls._base import Enclosure, Wall, motion_law, segment, turning_law
 
 
 @component
@@ -16,7 +16,14 @@ class Polygon(Wall):
     points: Points = param(unit="length", help="corners in order, when the time is 0; third components are without meaning")
     closed: bool = param(True, help="whether a wall leads from the last point back to the first")
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the walls")
+    motion: LawVector = param(
+        None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
+    )
+    turning: Turning = param(
+        None, optional=True, names=("t",), help="angle as a formula of the time, about a point and in space about an axis [rad]"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    friction: float = param(0.0, minimum=0.0, help="coefficient μ of the friction on spheres that slide along the wall")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """A segment for each side."""
@@ -25,11 +32,21 @@ class Polygon(Wall):
             kind = "a closed polygon" if self.closed else "an open line"
             raise PlacementError(f"has {len(self.points)} points, {kind} needs {fewest} at least")
         ends = [*self.points[1:], self.points[0]] if self.closed else self.points[1:]
-        sides = []
+        motion, turning, sides = motion_law(self.motion), turning_law(self.turning), []
         for number, (begin, end) in enumerate(zip(self.points, ends)):
             name = f"{label}, side {number}"
             try:
-                made = segment(begin, end, velocity=self.velocity, restitution=self.restitution, label=name, wall=label)
+                made = segment(
+                    begin,
+                    end,
+                    velocity=self.velocity,
+                    restitution=self.restitution,
+                    label=name,
+                    wall=label,
+                    motion=motion,
+                    turning=turning,
+                    friction=self.friction,
+                )
             except PlacementError as error:
                 raise PlacementError(f"side {number} {error}") from None
             sides.append(made)

@@ -1,7 +1,7 @@
 """A sphere."""
 
-from mpp_taichi.component import LawVector, Vector, component, param
-from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law
+from mpp_taichi.component import LawVector, Turning, Vector, component, param
+from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, turning_law
 
 
 @component
@@ -18,7 +18,11 @@ class Sphere(Wall):
     motion: LawVector = param(
         None, optional=True, names=("t",), unit="length", help="displacement from there as a formula of the time for each axis"
     )
+    turning: Turning = param(
+        None, optional=True, names=("t",), help="angle as a formula of the time, about a point and in space about an axis [rad]"
+    )
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
+    friction: float = param(0.0, minimum=0.0, help="coefficient μ of the friction on spheres that slide along the wall")
     temperature: float = param(
         None, optional=True, minimum=0.0, unit="energy", help="k T with which spheres leave a thermal wall; absent: they bounce"
     )
@@ -38,5 +42,7 @@ class Sphere(Wall):
             temperature=self.temperature,
             seed=self.seed,
             motion=motion_law(self.motion),
+            turning=turning_law(self.turning),
+            friction=self.friction,
         )
         return Enclosure((surface,))

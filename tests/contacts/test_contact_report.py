@@ -25,7 +25,9 @@ def grown(totals, looks):
 
 def test_growths_add_up_to_the_last_total_however_often_they_are_taken():
     random = np.random.default_rng(1)
-    totals = np.cumsum(random.standard_normal((200, 7)) * 10.0 ** random.uniform(-9, 9, (200, 7)), axis=0)
+    totals = np.cumsum(
+        random.standard_normal((200, len(SUMS) + 3)) * 10.0 ** random.uniform(-9, 9, (200, len(SUMS) + 3)), axis=0
+    )
     for looks in ([199], range(200), [*range(0, 199, 7), 199]):
         found = grown(totals, looks)
         assert found == report(totals[-1])
@@ -34,13 +36,13 @@ def test_growths_add_up_to_the_last_total_however_often_they_are_taken():
 
 def test_two_phases_add_up_alike_however_often_they_are_looked_at():
     random = np.random.default_rng(2)
-    phases = [np.cumsum(random.standard_normal((50, 7)) * scale, axis=0) for scale in (1e8, 1.0, 1e-8)]
+    phases = [np.cumsum(random.standard_normal((50, len(SUMS) + 3)) * scale, axis=0) for scale in (1e8, 1.0, 1e-8)]
     found = {tuple(step): sum((grown(phase, [*step, 49]) for phase in phases), ContactReport()) for step in ([], range(49))}
     once, often = found.values()
     assert once == often
     assert any(once.rests), "the sums of phases need more digits than one float has"
     plain = sum(phase[-1] for phase in phases)
-    np.testing.assert_allclose([once.virial, *once.wall_impulse], [plain[0], *plain[4:]], rtol=3 * 2.0**-52)
+    np.testing.assert_allclose([once.virial, *once.wall_impulse], [plain[0], *plain[len(SUMS) :]], rtol=3 * 2.0**-52)
 
 
 @pytest.mark.sampled(2)
@@ -65,7 +67,7 @@ class Counted:
         for i in range(64):
             self.tally.begin(i)
             self.tally.add_pair(i, value, 1.0, 3.0 * value, 0)
-            self.tally.add_wall(i, 1, value, 0.0, 0)
+            self.tally.add_wall(i, 1, value, 0.0, 0, 0.0)
             self.tally.keep(i, i)
 
 

@@ -85,7 +85,7 @@ class Rebound:
                 if impulse[0] > 0.0:
                     self.state.velocity[i] = self.bounce.after(i, v, n, impulse, 1)
                     self.tally.begin(i)
-                    self.tally.add_wall(i, self.walls.account(k), impulse[0], impulse[2], elastic)
+                    self.tally.add_wall(i, self.walls.account(k), impulse[0], impulse[2], elastic, 0.0)
                     self.tally.keep(0, i)
                     self._see_overlap(-gap, self.bounce.radius[i])
                     result = 1

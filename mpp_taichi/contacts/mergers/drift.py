@@ -288,6 +288,6 @@ class MergingDrift:
             self.state.velocity[i] = after
             self.state.position[i] = x - after * t
             self.tally.begin(i)
-            self.tally.add_wall(i, account, impulse[0], impulse[2], 0)
+            self.tally.add_wall(i, account, impulse[0], impulse[2], 0, 0.0)
             self.tally.keep(0, i)
             self.log.note(time + t, i, -1 - surface, ti.abs(impulse[0]))

@@ -9,6 +9,7 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.contacts.shared.restitution import restitution_at
+from mpp_taichi.contacts.shared.wall_friction import rubbed, work_of_wall
 from mpp_taichi.types import Template
 
 LONG_AGO = -1e30  # last contact of a sphere that has had none
@@ -31,7 +32,7 @@ class OverlapBounces:
         self.contact_time = float(setup.contact_time)
         self.bounce = Bounce(setup)
         self.walls = self.bounce.walls
-        self.tally = Tally(n, self.walls.account_count, getattr(state, "wide", ti.f64), apart=apart)
+        self.tally = Tally(n, self.walls.account_count, getattr(state, "wide", ti.f64), apart=apart, works=self.walls.works)
         self.last_contact = ti.field(float)
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
@@ -117,14 +118,20 @@ class OverlapBounces:
                 self.tally.see_overlap(i, -gap / radius)
             n = self.walls.normal(s, x, time)
             w = self.bounce.inverse_mass[i]
-            v, surface_velocity = self.state.velocity[i], self.walls.velocity(s, x, time)
+            v, surface_velocity = self.state.velocity[i], self.walls.velocity(s, x - (gap + radius) * n, time)
             yielding = (n * n).dot(w)
             if n.dot(v - surface_velocity) < 0.0 and yielding > 0.0:
                 e, elastic = restitution_at(time, self.walls.restitution(s), i, i, self.last_contact, self.contact_time)
                 result = self.bounce.wall_impulse(i, n, v, surface_velocity, e)
-                self.state.velocity[i] = self.bounce.after(i, v, n, result, 1)
+                after, lost, work = self.bounce.after(i, v, n, result, 1), result[2], ti.cast(0.0, float)
+                if ti.static(self.walls.rubs):
+                    after, taken = rubbed(self.walls, s, n, after, surface_velocity, w, result[0])
+                    lost += taken
+                if ti.static(self.walls.works):
+                    work = work_of_wall(surface_velocity, v, after, w)
+                self.state.velocity[i] = after
                 self.tally.begin(i)
-                self.tally.add_wall(i, self.walls.account(s), result[0], result[2], elastic)
+                self.tally.add_wall(i, self.walls.account(s), result[0], lost, elastic, work)
                 self.tally.keep(chunk, i)
             if yielding > 0.0:
                 self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)

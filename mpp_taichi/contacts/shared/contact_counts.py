@@ -13,13 +13,14 @@ from mpp_taichi.types import Template
 CHUNKS = 64  # of spheres; a fixed number, so that sums do not depend on the threads
 STRIPES = 1024  # threads that add up the totals, where each sphere has totals of its own
 PAIRS, WALLS, ELASTIC, FAILED, GIVEN_UP = 0, 1, 2, 3, 4
-VIRIAL, LOST = 0, 1
+VIRIAL, LOST, WORK = 0, 1, 2
 
 
 @ti.data_oriented
 class Tally:
     """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on walls) per sphere.
 
+    Where walls move, `summed` has the work of the walls as a third number.
     There are totals for each of CHUNKS of spheres. On a device of many threads they are `apart`: each sphere has totals of its
     own, so that no two threads write to one place, and STRIPES threads add them up before the host reads them. The sums of
     real numbers grow through a phase (`sum_fields`), and a report has their growth, so that a run may be collected at any
@@ -27,12 +28,22 @@ class Tally:
     """
 
     def __init__(
-        self, particle_count: int, account_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
+        self,
+        particle_count: int,
+        account_count: int,
+        wide: Any,
+        *,
+        apart: bool | None = None,
+        placed_by_caller: bool = False,
+        works: bool = False,
     ) -> None:
         """Allocate; `wide` is the type of the sums; `apart` when absent: on all devices but the CPU.
 
-        `placed_by_caller`: `counted` and `summed` are left to be placed beside other fields of a sphere.
+        `placed_by_caller`: `counted` and `summed` are left to be placed beside other fields of a sphere. `works`: walls move,
+        and their work is summed.
         """
+        self.works = works
+        self.sums = 3 if works else 2
         self.particle_count = particle_count
         self.account_count = account_count
         self.wide = wide
@@ -40,13 +51,13 @@ class Tally:
         self.rows = particle_count if self.apart else CHUNKS
         seen = particle_count if self.apart else 1
         self.counted = ti.Vector.field(4, ti.i32)
-        self.summed = ti.Vector.field(2, float)
+        self.summed = ti.Vector.field(self.sums, float)
         self.pushed = ti.Vector.field(max(account_count, 1), float)
         self.total_count = ti.Vector.field(4, ti.i32)
-        self.total_sum = ti.Vector.field(2, wide)
+        self.total_sum = ti.Vector.field(self.sums, wide)
         self.total_push = ti.Vector.field(max(account_count, 1), wide)
         self.two_parts = wide == ti.f32  # a sum that grows through a whole run needs more digits than f32 has
-        self.low_sum = ti.Vector.field(2, wide) if self.two_parts else None
+        self.low_sum = ti.Vector.field(self.sums, wide) if self.two_parts else None
         self.low_push = ti.Vector.field(max(account_count, 1), wide) if self.two_parts else None
         self._before = ContactReport()
         self.unresolved = ti.field(ti.i32)
@@ -79,7 +90,7 @@ class Tally:
     def begin(self, i):
         """Set the counts of sphere i to 0, for a new try."""
         self.counted[i] = ti.Vector.zero(ti.i32, 4)
-        self.summed[i] = ti.Vector.zero(float, 2)
+        self.summed[i] = ti.Vector.zero(float, self.sums)
         if ti.static(self.account_count > 0):
             self.pushed[i] = ti.Vector.zero(float, self.account_count)
 
@@ -87,13 +98,16 @@ class Tally:
     def add_pair(self, i, impulse, distance, lost, elastic):
         """Count a contact of two spheres with one of them; Δp·r is impulse times distance."""
         self.counted[i] = self.counted[i] + ti.Vector([1, 0, elastic, 0])
-        self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
+        self.summed[i][VIRIAL] = self.summed[i][VIRIAL] + impulse * distance
+        self.summed[i][LOST] = self.summed[i][LOST] + lost
 
     @ti.func
-    def add_wall(self, i, account, impulse, lost, elastic):
-        """Count a contact with a surface, whose impulses are summed under the number `account`."""
+    def add_wall(self, i, account, impulse, lost, elastic, work):
+        """Count a contact with a surface, whose impulses are summed under the number `account`; `work` of the wall."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic, 0])
-        self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
+        self.summed[i][LOST] = self.summed[i][LOST] + lost
+        if ti.static(self.works):
+            self.summed[i][WORK] = self.summed[i][WORK] + work
         for k in ti.static(range(self.account_count)):
             if k == account:
                 self.pushed[i][k] = self.pushed[i][k] + ti.abs(impulse)
@@ -147,9 +161,9 @@ class Tally:
         """
         for stripe in range(counts.shape[0]):
             count = ti.Vector.zero(ti.i32, 4)
-            total = ti.Vector.zero(self.wide, 2)
+            total = ti.Vector.zero(self.wide, self.sums)
             push = ti.Vector.zero(self.wide, self.total_push.n)
-            low, low_push = ti.Vector.zero(self.wide, 2), ti.Vector.zero(self.wide, self.total_push.n)
+            low, low_push = ti.Vector.zero(self.wide, self.sums), ti.Vector.zero(self.wide, self.total_push.n)
             given_up = 0
             overlap = ti.cast(0.0, float)
             for turn in range((self.rows - stripe + STRIPES - 1) // STRIPES):
@@ -166,16 +180,16 @@ class Tally:
             for k in ti.static(range(4)):
                 counts[stripe, k] = count[k]
             counts[stripe, 4] = given_up
-            for k in ti.static(range(2)):
+            for k in ti.static(range(self.sums)):
                 reals[stripe, k] = total[k]
             for k in ti.static(range(self.total_push.n)):
-                reals[stripe, 2 + k] = push[k]
-            reals[stripe, 2 + self.total_push.n] = ti.cast(overlap, self.wide)
+                reals[stripe, self.sums + k] = push[k]
+            reals[stripe, self.sums + self.total_push.n] = ti.cast(overlap, self.wide)
             if ti.static(self.two_parts):
-                for k in ti.static(range(2)):
-                    reals[stripe, 3 + self.total_push.n + k] = low[k]
+                for k in ti.static(range(self.sums)):
+                    reals[stripe, self.sums + 1 + self.total_push.n + k] = low[k]
                 for k in ti.static(range(self.total_push.n)):
-                    reals[stripe, 5 + self.total_push.n + k] = low_push[k]
+                    reals[stripe, 2 * self.sums + 1 + self.total_push.n + k] = low_push[k]
 
     @ti.func
     def _add_up(self, sums: Template, rests: Template, total: Template, low: Template, i):
@@ -190,14 +204,14 @@ class Tally:
 
     def collect(self) -> ContactReport:
         """Totals since the last call."""
-        stripes, sum_count = min(STRIPES, self.rows), 2 + self.total_push.n
+        stripes, sum_count = min(STRIPES, self.rows), self.sums + self.total_push.n
         whole = np.zeros((stripes, 5), np.int32)
         reals = np.zeros((stripes, (2 if self.two_parts else 1) * sum_count + 1), np.float32 if self.two_parts else np.float64)
         self._take(whole, reals)
         counts = whole.astype(np.int64).sum(0)
         real = reals.astype(np.float64).sum(0)
         real = real[:sum_count] + real[sum_count + 1 :] if self.two_parts else real[:sum_count]
-        sums, pushes = real[:2], real[2:]
+        sums, pushes = real[: self.sums], real[self.sums :]
         now = ContactReport(
             pair_count=int(counts[PAIRS]),
             wall_count=int(counts[WALLS]),
@@ -205,6 +219,7 @@ class Tally:
             virial=float(sums[VIRIAL]),
             wall_impulse=tuple(float(p) for p in pushes[: self.account_count]),
             dissipated_energy=float(sums[LOST]),
+            wall_work=float(sums[WORK]) if self.works else 0.0,
             largest_overlap=float(reals[:, sum_count].max()),
             unresolved=int(counts[FAILED] + counts[GIVEN_UP]),
         )

@@ -5,6 +5,7 @@ from taichi.math import uvec2, uvec4
 
 from mpp_taichi.arithmetic.random_numbers import bits_of, normal_numbers, random_words
 from mpp_taichi.contacts.shared.impulse import pushed
+from mpp_taichi.contacts.shared.wall_friction import rubbed
 from mpp_taichi.types import Template
 
 
@@ -13,9 +14,12 @@ def off_wall(walls: Template, surface, i, n, v, wall_velocity, w, bounce, time):
     """The velocity of sphere i after it has met a surface, the impulse on it along n, and the energy that the wall takes.
 
     `bounce` is the result of `impulse_between` for this contact, which counts where the surface has no temperature; the other
-    arguments are those of `thermal_velocity`.
+    arguments are those of `thermal_velocity`. The energy of a surface without a temperature is that in its own frame.
     """
     after, impulse, lost = pushed(v, w, n, bounce[0], bounce[1], 1), bounce[0], bounce[2]
+    if ti.static(walls.rubs):
+        after, taken = rubbed(walls, surface, n, after, wall_velocity, w, impulse)
+        lost += taken
     if ti.static(walls.heats):
         heat, seed = walls.temperature(surface)
         if heat >= 0.0:

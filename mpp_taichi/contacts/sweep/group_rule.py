@@ -162,6 +162,7 @@ class GroupRule:
                         self.tally.add_pair(i, share, reach, lost, self.group.made_elastic[c])
                     else:
                         account = self.walls.account_of(-1 - second)
-                        self.tally.add_wall(i, account, share, lost, self.group.made_elastic[c])
+                        work = share * self.group.surface_speed[c]
+                        self.tally.add_wall(i, account, share, lost, self.group.made_elastic[c], work)
                 self.memory.note(i, second, t)
         return hit

@@ -3,6 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts.shared.thermal_bounce import off_wall
+from mpp_taichi.contacts.shared.wall_friction import work_of_wall
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
 
@@ -72,6 +73,19 @@ class PairRule:
         inverse_mass = self.bounce.inverse_mass_of(index)
         after, impulse, lost = off_wall(self.walls, surface, index, n, v, w, inverse_mass, bounce, time + t)
         self.played.velocity[i] = after
-        self.tally.add_wall(i, account, impulse, lost, elastic)
+        work = ti.cast(0.0, float)
+        if ti.static(self.tally.works):
+            work = self._work(surface, w, v, after, inverse_mass)
+        self.tally.add_wall(i, account, impulse, lost, elastic, work)
         if not impulse > 0.0:
             self.tally.fail(i, 1)
+
+    @ti.func
+    def _work(self, surface, wall_velocity, before, after, w):
+        """The work of a surface in a bounce; a thermal surface has counted it as energy that it took."""
+        result = work_of_wall(wall_velocity, before, after, w)
+        if ti.static(self.walls.heats):
+            heat, _ = self.walls.temperature(surface)
+            if heat >= 0.0:
+                result = 0.0
+        return result

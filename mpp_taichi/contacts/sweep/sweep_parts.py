@@ -44,7 +44,8 @@ class SweepParts:
         n = setup.particle_count
         self.state = state
         self.bounce = Bounce(setup)  # filled before any field is left to be placed
-        self.tally = Tally(n, self.bounce.walls.account_count, getattr(state, "wide", ti.f64), placed_by_caller=True)
+        walls, wide = self.bounce.walls, getattr(state, "wide", ti.f64)
+        self.tally = Tally(n, walls.account_count, wide, placed_by_caller=True, works=walls.works)
         may_meet = bool(setup.radius.any())
         self.grid: Any = None if all_pairs else _grid(setup) if may_meet else PointGrid(n, setup.dimensions)
         order = None if all_pairs else self.grid.order
