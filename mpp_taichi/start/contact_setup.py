@@ -8,7 +8,7 @@ from mpp_taichi import component
 from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.scene.spec import ContactsSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.walls._base import Enclosure, joined
+from mpp_taichi.walls._base import Enclosure, check_surfaces, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,9 @@ def enclosure_of(spec: SceneSpec) -> Enclosure:
     for number, entry in enumerate(spec.walls):
         label = f"walls[{number}].{entry.name}"
         try:
-            made = joined((made, component.build("walls", entry.name, entry.parameters).enclosure(spec.dimensions, label)))
+            wall = component.build("walls", entry.name, entry.parameters).enclosure(spec.dimensions, label)
+            check_surfaces(wall.surfaces)
+            made = joined((made, wall))
         except PlacementError as error:
             raise SceneError(f"{entry.location}: {label}: {error}") from None
     return made

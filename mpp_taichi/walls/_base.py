@@ -1,7 +1,7 @@
 """A wall: surfaces that spheres bounce off, or a periodic box. Pure Python; `_geometry.py` has the formulas."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -211,8 +211,6 @@ def joined(parts: Iterable[Enclosure]) -> Enclosure:
     surfaces: tuple[Surface, ...] = ()
     periodic = Enclosure()
     for part in parts:
-        for surface in part.surfaces:
-            _check(surface)
         surfaces += part.surfaces
         if any(part.period):
             if any(periodic.period):
@@ -224,16 +222,14 @@ def joined(parts: Iterable[Enclosure]) -> Enclosure:
     return made
 
 
-def _check(surface: Surface) -> None:
-    """PlacementError where a turning or a friction has no meaning for a surface."""
-    if surface.friction > 0.0 and surface.is_thermal:
+def check_surfaces(surfaces: Sequence[Surface]) -> None:
+    """PlacementError where a turning or a friction has no meaning for the surfaces of a wall."""
+    if any(surface.friction > 0.0 and surface.is_thermal for surface in surfaces):
         raise PlacementError("has a friction beside a temperature, leave one of them out: the temperature draws the velocity")
-    if surface.turning is None:
-        return
-    if surface.kind == "segment" and any(surface.turning.axis[:2]):
-        raise PlacementError(
-            "turns about an axis that is not along z, but it is a strip along z: only axis: [0, 0, 1] is allowed"
-        )
-    if not surface.is_carried and surface.friction == 0.0:
+    turning = [surface for surface in surfaces if surface.turning is not None]
+    if any(surface.kind == "segment" and surface.turning and any(surface.turning.axis[:2]) for surface in turning):
+        told = "turns about an axis that is not along z, but it is a strip along z"
+        raise PlacementError(f"{told}: only axis: [0, 0, 1] is allowed")
+    if turning and not any(surface.is_carried or surface.friction > 0.0 for surface in turning):
         told = "looks the same from the axis about which it turns, and without a friction nothing feels the turning"
         raise PlacementError(f"{told}: give it a friction, or leave turning out")

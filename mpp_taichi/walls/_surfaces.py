@@ -16,7 +16,7 @@ import taichi as ti
 
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
-from mpp_taichi.walls._base import Enclosure
+from mpp_taichi.walls._base import Enclosure, Surface
 from mpp_taichi.walls._segments import WallSegments
 
 
@@ -29,6 +29,7 @@ class WallSurfaces:
     heats            whether some surface is thermal
     rubs             whether some surface has a friction
     works            whether some surface moves, so that it does work
+    pushes           whether a sphere may be found in some surface that curves its flight, and is put back (`sunk`)
     """
 
     def __init__(self, enclosure: Enclosure) -> None:
@@ -41,6 +42,7 @@ class WallSurfaces:
         self.heats = any(surface.is_thermal for surface in self.surfaces)
         self.rubs = any(surface.friction > 0.0 for surface in self.surfaces)
         self.works = any(surface.moves for surface in self.surfaces)
+        self.pushes = any(map(is_pushing, self.surfaces))
         self.segments: Any = None
         self._tree: Any = None
         if any(surface.kind == "segment" for surface in self.surfaces[: self.plain_count]):
@@ -148,6 +150,25 @@ class WallSurfaces:
         return result
 
     @ti.func
+    def sunk(self, w, gap):
+        """The depth of a sphere in surface w, a number known only when a kernel runs, from which it is to be put back; or 0.
+
+        A flight is taken along tangents in the frame of a surface that turns, so that a sphere that lies on the surface sinks
+        into it by a small part of its radius from one tangent to the next. It must not add up.
+        """
+        result = ti.cast(0.0, float)
+        for s in ti.static(range(self.plain_count)):
+            if ti.static(is_pushing(self.surfaces[s])):
+                if w == s:
+                    result = ti.max(-gap, 0.0)
+        if ti.static(self.segment_count > 0):
+            if ti.static(len(self.segments.movers) > 0):
+                if w >= self.plain_count:
+                    if self.segments.mover[w - self.plain_count] >= 0:
+                        result = ti.max(-gap, 0.0)
+        return result
+
+    @ti.func
     def account(self, w: Template):
         """The number under which the impulse on surface w is summed."""
         result = 0
@@ -235,6 +256,11 @@ class WallSurfaces:
                 velocity = self.velocity(w, x - (gap + radius) * n, time)
                 restitution, account = self.restitution(w), self.account(w)
         return gap, n, velocity, restitution, account
+
+
+def is_pushing(surface: Surface) -> bool:
+    """Whether a sphere that is found in a surface is put back onto it: turning carries it, or it is a segment in motion."""
+    return surface.is_carried or (surface.kind == "segment" and surface.has_motion)
 
 
 def is_known(w: Any) -> bool:

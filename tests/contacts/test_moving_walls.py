@@ -15,6 +15,8 @@ WALLS = {
     "box": {"lower": [-1.0, -1.1, -0.9], "upper": [1.0, 1.0, 1.1]},
     "cylinder": {"point": [0.1, 0.0, 0.0], "axis": [0.1, 0.2, 1.0], "radius": 1.0},
     "sphere": {"center": [0.1, 0.0, 0.0], "radius": 1.0},
+    "segment": {"from": [-1.0, -1.2, 0.0], "to": [1.0, -0.9, 0.0]},
+    "polygon": {"points": [[-1.0, -0.9, 0.0], [0.9, -1.0, 0.0], [1.0, 1.0, 0.0], [-0.9, 0.8, 0.0]]},
 }
 OUTSIDE = {"sphere": {"center": [0.0, -1.3, 0.0], "radius": 0.7, "inside": False}}
 SPEED = np.array([0.3, -0.2, 0.1])

@@ -66,13 +66,18 @@ class PairRule:
     @ti.func
     def _bounce_off_wall(self, i, surface, t, time):
         v, radius = self.played.velocity[i], self.slots.radius_of(i)
-        _, n, w, nominal, account = self.walls.touched(surface, self.played.position[i], radius, time + t)
+        gap, n, w, nominal, account = self.walls.touched(surface, self.played.position[i], radius, time + t)
         e, elastic = self.memory.restitution(nominal, i, i, t)
         index = self.slots.index(i)
         bounce = self.bounce.wall_impulse(index, n, v, w, e)
         inverse_mass = self.bounce.inverse_mass_of(index)
         after, impulse, lost = off_wall(self.walls, surface, index, n, v, w, inverse_mass, bounce, time + t)
         self.played.velocity[i] = after
+        if ti.static(self.walls.pushes):
+            yielding = (n * n).dot(inverse_mass)
+            if yielding > 0.0:
+                depth = self.walls.sunk(surface, gap) / yielding
+                self.played.position[i] = self.played.position[i] + depth * (inverse_mass * n)
         work = ti.cast(0.0, float)
         if ti.static(self.tally.works):
             work = self._work(surface, w, v, after, inverse_mass)
