@@ -23,6 +23,7 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
         "elastic_count": report.elastic_count,
         "collisions_per_particle_and_time": 2 * report.pair_count / (particles * elapsed) if elapsed > 0.0 else None,
         "dissipated_energy": report.dissipated_energy,
+        **({"wall_work": report.wall_work} if report.wall_work else {}),
         "largest_overlap": report.largest_overlap,
         "unresolved": report.unresolved,
         **(_merged(simulation) if merges(simulation.spec) else {}),
@@ -56,5 +57,6 @@ def contact_line(found: Mapping[str, Any]) -> str:
     counted = f"{facts['pair_count']:,} collisions of spheres{told}, {facts['wall_count']:,} with walls"
     elastic = f", {facts['elastic_count']:,} made elastic" if facts["elastic_count"] else ""
     lost = f"; {facts['dissipated_energy']:.6g} of energy lost" if facts["dissipated_energy"] else ""
+    lost += f"; work of the walls {facts['wall_work']:.6g}" if facts.get("wall_work") else ""
     overlap = f"; largest overlap {facts['largest_overlap']:.2g} radii"
     return f"{facts['solver']}: {counted}{elastic}{lost}{overlap}"

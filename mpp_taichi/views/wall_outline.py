@@ -9,6 +9,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.walls._base import Enclosure, Surface
 
 CIRCLE = 72  # segments of a circle
+TICKS = 12  # marks inside a circle that turns, without which its turning could not be seen
 FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
 
 
@@ -111,16 +112,18 @@ def _surface(surface: Surface, center: np.ndarray, reach: float, dimensions: int
     if surface.kind == "segment":
         return _strip(np.array([surface.point, surface.end]), center, reach, dimensions)
     if dimensions == 2:
-        return _circle(point, np.eye(3)[0], np.eye(3)[1], surface.radius)
+        return _circle(point, np.eye(3)[0], np.eye(3)[1], surface.radius, ticks=surface.has_turning)
     if surface.kind == "sphere":
         rings = [(0, 1), (1, 2), (2, 0)]
-        return np.concatenate([_circle(point, np.eye(3)[a], np.eye(3)[b], surface.radius) for a, b in rings])
+        ticks = surface.has_turning
+        return np.concatenate([_circle(point, np.eye(3)[a], np.eye(3)[b], surface.radius, ticks=ticks) for a, b in rings])
     first, second = _across(direction)
     middle = point + ((center - point) @ direction) * direction
     ends = [middle + side * reach * direction for side in (-1.0, 1.0)]
     rims = [surface.radius * each for each in (first, second, -first, -second)]
     sides = np.array([[ends[0] + rim, ends[1] + rim] for rim in rims])
-    return np.concatenate([*(_circle(end, first, second, surface.radius) for end in ends), sides])
+    circles = (_circle(end, first, second, surface.radius, ticks=surface.has_turning) for end in ends)
+    return np.concatenate([*circles, sides])
 
 
 def _strip(ends: np.ndarray, center: np.ndarray, reach: float, dimensions: int) -> np.ndarray:
@@ -132,9 +135,13 @@ def _strip(ends: np.ndarray, center: np.ndarray, reach: float, dimensions: int) 
     return np.stack([corners[:-1], corners[1:]], axis=1)
 
 
-def _circle(center: np.ndarray, first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:
+def _circle(center: np.ndarray, first: np.ndarray, second: np.ndarray, radius: float, *, ticks: bool) -> np.ndarray:
     points = center + radius * (np.outer(np.cos(FULL_TURN), first) + np.outer(np.sin(FULL_TURN), second))
-    return np.stack([points[:-1], points[1:]], axis=1)
+    edges = np.stack([points[:-1], points[1:]], axis=1)
+    if not ticks:
+        return edges
+    rim = points[: -1 : CIRCLE // TICKS]
+    return np.concatenate([edges, np.stack([center + 0.94 * (rim - center), rim], axis=1)])
 
 
 def _across(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,7 @@ class WallSurfaces:
     heats            whether some surface is thermal
     rubs             whether some surface has a friction
     works            whether some surface moves, so that it does work
+    curves           whether some surface moves as a formula says, so that contacts are predicted along tangents
     pushes           whether a sphere may be found in some surface that curves its flight, and is put back (`sunk`)
     """
 
@@ -42,6 +43,7 @@ class WallSurfaces:
         self.heats = any(surface.is_thermal for surface in self.surfaces)
         self.rubs = any(surface.friction > 0.0 for surface in self.surfaces)
         self.works = any(surface.moves for surface in self.surfaces)
+        self.curves = any(surface.has_motion or surface.has_turning for surface in self.surfaces)
         self.pushes = any(map(is_pushing, self.surfaces))
         self.segments: Any = None
         self._tree: Any = None

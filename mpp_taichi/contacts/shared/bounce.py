@@ -87,7 +87,7 @@ class Bounce:
         if ti.static(self.has_held):
             if self.inverse_mass[i].max() == 0.0:
                 result = ti.math.inf
-        if ti.static(not self.is_elastic):
+        if ti.static(not self.is_elastic or self.walls.curves):
             w = self.walls.velocity(s, x, time)
             n = self.walls.normal(s, x, time)
             if result == 0.0 and -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):

@@ -67,23 +67,33 @@ class PairRule:
     def _bounce_off_wall(self, i, surface, t, time):
         v, radius = self.played.velocity[i], self.slots.radius_of(i)
         gap, n, w, nominal, account = self.walls.touched(surface, self.played.position[i], radius, time + t)
-        e, elastic = self.memory.restitution(nominal, i, i, t)
-        index = self.slots.index(i)
-        bounce = self.bounce.wall_impulse(index, n, v, w, e)
-        inverse_mass = self.bounce.inverse_mass_of(index)
-        after, impulse, lost = off_wall(self.walls, surface, index, n, v, w, inverse_mass, bounce, time + t)
-        self.played.velocity[i] = after
-        if ti.static(self.walls.pushes):
-            yielding = (n * n).dot(inverse_mass)
-            if yielding > 0.0:
-                depth = self.walls.sunk(surface, gap) / yielding
-                self.played.position[i] = self.played.position[i] + depth * (inverse_mass * n)
-        work = ti.cast(0.0, float)
-        if ti.static(self.tally.works):
-            work = self._work(surface, w, v, after, inverse_mass)
-        self.tally.add_wall(i, account, impulse, lost, elastic, work)
-        if not impulse > 0.0:
-            self.tally.fail(i, 1)
+        approaches = True
+        if ti.static(self.walls.curves):
+            # A contact is predicted along a tangent, at whose end the wall may already be faster than the sphere.
+            approaches = n.dot(v - w) < 0.0
+        if approaches:
+            e, elastic = self.memory.restitution(nominal, i, i, t)
+            index = self.slots.index(i)
+            bounce = self.bounce.wall_impulse(index, n, v, w, e)
+            inverse_mass = self.bounce.inverse_mass_of(index)
+            after, impulse, lost = off_wall(self.walls, surface, index, n, v, w, inverse_mass, bounce, time + t)
+            self.played.velocity[i] = after
+            if ti.static(self.walls.pushes):
+                self._put_back(i, surface, gap, n, inverse_mass)
+            work = ti.cast(0.0, float)
+            if ti.static(self.tally.works):
+                work = self._work(surface, w, v, after, inverse_mass)
+            self.tally.add_wall(i, account, impulse, lost, elastic, work)
+            if not impulse > 0.0:
+                self.tally.fail(i, 1)
+
+    @ti.func
+    def _put_back(self, i, surface, gap, n, w):
+        """Put sphere i back onto a surface in which it has sunk; it stays in place along held axes."""
+        yielding = (n * n).dot(w)
+        if yielding > 0.0:
+            depth = self.walls.sunk(surface, gap) / yielding
+            self.played.position[i] = self.played.position[i] + depth * (w * n)
 
     @ti.func
     def _work(self, surface, wall_velocity, before, after, w):
