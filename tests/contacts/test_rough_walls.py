@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from tests.support.turned_walls import end_of, scene
+from turned_walls import end_of, scene
 
 
 @pytest.mark.sampled(2)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from turned_walls import ABOUT, AXIS, FRICTION, RESTITUTION, SHIFT, WALLS, Reference, end_of, scene
 
 from mpp_taichi import Simulation
-from tests.support.turned_walls import ABOUT, AXIS, FRICTION, RESTITUTION, SHIFT, WALLS, Reference, end_of, scene
 
 CASES = [(kind, flat) for flat in (True, False) for kind in WALLS]
 NAMES = [f"{kind} in {2 if flat else 3} dimensions" for kind, flat in CASES]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from turned_walls import AXIS, FRICTION, SHIFT, WALLS, Reference, end_of, scene
 
 import mpp_taichi
 from mpp_taichi import SceneError, Simulation
@@ -10,7 +11,6 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
 from mpp_taichi.sweep.structure import key_of
 from mpp_taichi.views.wall_outline import outline_of
-from tests.support.turned_walls import AXIS, FRICTION, SHIFT, WALLS, Reference, end_of, scene
 
 
 def test_bits_do_not_depend_on_threads_on_cuts_and_on_saved_states(tmp_path):
