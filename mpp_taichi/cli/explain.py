@@ -8,6 +8,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._explained_walls import walls_told
 from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
         "contacts": None if simulation.spec.contacts is None else simulation.spec.contacts.solver.name,
+        "walls": walls_told(simulation.spec),
         "force_evaluations_per_step": simulation.integrator.evaluations_per_step,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
@@ -123,6 +125,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
         *([f"contacts   {found['contacts']}; its own fields are not listed below"] if found["contacts"] else []),
+        *(f"{'walls' if not n else '':11s}{told}" for n, told in enumerate(found["walls"])),
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields, {_memory(found)}",

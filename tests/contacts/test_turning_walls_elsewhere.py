@@ -118,3 +118,13 @@ def test_single_precision_and_vulkan_turn_a_wall_as_double_precision_does(kind, 
     for backend in ("cpu", "vulkan"):
         single, _ = end_of(given, duration=1.0, precision="f32", backend=backend)
         assert np.abs(single.position - double.position).max() < 1e-4  # rounding of 200 steps and two bounces
+
+
+def test_walls_that_move_and_rub_are_told():
+    from mpp_taichi.cli._explained_walls import walls_told
+
+    given = scene("polygon", flat=True, motion=SHIFT[:2], friction=FRICTION)
+    given["walls"] *= 2
+    given["walls"].append({"plane": {"point": [0, -5], "normal": [0, 1]}})
+    told = walls_told(load_scene(given))
+    assert told == [f"2 polygon: motion [{', '.join(SHIFT[:2])}], turning by 0.3 + 0.8*t + 0.2*sin(2*t), friction 0.2"]
