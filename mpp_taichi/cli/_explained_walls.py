@@ -6,7 +6,7 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
 
 def walls_told(spec: SceneSpec) -> list[str]:
-    """`8 segment: turning by 2*t`, a text for all walls of a kind that move alike; empty where all walls are smooth and at rest."""
+    """`8 segment: turning by 2*t`, for all walls of a kind that move alike; empty where all walls are smooth and at rest."""
     told = Counter(text for wall in spec.walls if (text := _told(wall)))
     return [f"{count} {text}" for text, count in told.items()]
 

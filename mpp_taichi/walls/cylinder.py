@@ -9,7 +9,8 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, turning
 class Cylinder(Wall):
     """Infinite cylinder, particles inside it or outside; in two dimensions a circle.
 
-    A moving cylinder does work: the particles' energy is not kept. A cylinder that turns about its axis drags spheres by its friction.
+    A moving cylinder does work: the particles' energy is not kept. A cylinder that turns about its axis drags spheres by its
+    friction.
     """
 
     point: Vector = param(unit="length", help="any point of the axis")

@@ -8,7 +8,8 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall, motion_law, turning
 class Sphere(Wall):
     """Hollow sphere around the particles, or a solid sphere that keeps them outside; in two dimensions a circle.
 
-    A moving sphere does work: the particles' energy is not kept. A sphere that turns about its centre drags spheres by its friction.
+    A moving sphere does work: the particles' energy is not kept. A sphere that turns about its centre drags spheres by its
+    friction.
     """
 
     center: Vector = param(unit="length")
