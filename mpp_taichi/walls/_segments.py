@@ -364,7 +364,7 @@ def movers(surfaces: Sequence[Surface]) -> tuple[tuple[Surface, ...], np.ndarray
     numbers = np.full(len(surfaces), -1, np.int32)
     for k, surface in enumerate(surfaces):
         if surface.has_motion or surface.has_turning or (surface.friction > 0.0 and surface.velocity[2] != 0.0):
-            key = (id(surface.motion), id(surface.turning), surface.velocity)
+            key = (id(surface.motion), surface.turning and surface.turning.key, surface.velocity)
             if key not in found:
                 found[key] = len(chosen)
                 chosen.append(surface)

@@ -21,6 +21,11 @@ class TurningLaw:
     about: Vector
     axis: Vector
 
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What two turnings that are the same have in common; laws of the same formula are one object."""
+        return id(self.angle), self.about, self.axis
+
     def matrix(self, time: float) -> np.ndarray:
         """The rotation by the angle at a time, (3, 3)."""
         angle = float(self.angle.at(time)[0][0])

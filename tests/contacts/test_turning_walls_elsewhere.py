@@ -74,7 +74,7 @@ def test_a_turning_in_the_plane_has_no_axis():
 
 
 def test_pairwise_refuses_walls_that_jump_over_spheres():
-    with pytest.raises(SceneError, match="moves by .* in the step of 0.001 at t = 0, more than 0.1.*or solver: swept"):
+    with pytest.raises(SceneError, match="moves by .* in the step of 0.001 at t = 0, more than 0.1, .*or solver: swept"):
         end_of(scene("polygon", flat=True, solver="pairwise", turning={"angle": "200*t"}))
 
 
