@@ -128,3 +128,13 @@ def test_walls_that_move_and_rub_are_told():
     given["walls"].append({"plane": {"point": [0, -5], "normal": [0, 1]}})
     told = walls_told(load_scene(given))
     assert told == [f"2 polygon: motion [{', '.join(SHIFT[:2])}], turning by 0.3 + 0.8*t + 0.2*sin(2*t), friction 0.2"]
+
+
+def test_a_start_is_looked_at_where_the_wall_is():
+    reference = Reference("segment", flat=True, shifts=False)
+    there = reference.from_wall(np.array([0.3, -0.42, 0.0]), 0.0)
+    with pytest.raises(SceneError, match=r"reaches 0.1 into walls\[0\].segment"):
+        end_of(scene("segment", flat=True, x=there, v=(0.0, 0.0, 0.0)))
+    free = np.array([-0.5, -0.5, 0.0])  # an end of the segment at the angle 0
+    assert reference.gap_on(free, np.zeros(3), 0.0, 0.0) > 0.05
+    end_of(scene("segment", flat=True, x=free, v=(0.0, 0.0, 0.0), steps=1), duration=1e-3)
