@@ -52,6 +52,12 @@ class Surface:
     friction: float = 0.0
 
     @property
+    def laws(self) -> tuple[Any, ...]:
+        """The laws (PathLaw) by which the surface moves and turns."""
+        found = (self.motion, None if self.turning is None else self.turning.angle)
+        return tuple(law for law in found if law is not None)
+
+    @property
     def has_motion(self) -> bool:
         """Whether the surface moves as a formula says."""
         return self.motion is not None

@@ -14,6 +14,8 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.point_lookup import provide
+from mpp_taichi.scene.formulas.program import points_of
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._base import Enclosure, Surface
@@ -45,6 +47,8 @@ class WallSurfaces:
         self.works = any(surface.moves for surface in self.surfaces)
         self.curves = any(surface.has_motion or surface.has_turning for surface in self.surfaces)
         self.pushes = any(map(is_pushing, self.surfaces))
+        for law in (law for surface in self.surfaces for law in surface.laws):
+            provide(points_of(law))
         self.segments: Any = None
         self._tree: Any = None
         if any(surface.kind == "segment" for surface in self.surfaces[: self.plain_count]):
