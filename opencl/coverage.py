@@ -13,8 +13,10 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup, enclosure_of
 
-from .bonds import MOST, Bond
+from . import bonds, fields
+from .bonds import Bond
 from .devices import Device, Refused
+from .fields import Field
 from .formula import steps_text
 from .n_body import PairForce
 from .program import REALS
@@ -28,7 +30,7 @@ FORCES = {
     "uniform_gravity": {"acceleration"},
     "linear_drag": {"coefficient"},
 }
-FORMULAS = ("pair", "bond")  # kinds of laws
+FORMULAS = ("pair", "bond", "field")  # kinds of laws
 PLAIN = {None, "direct", "all_pairs", "auto"}
 
 
@@ -44,6 +46,7 @@ class Problem:
     drag: float
     pairs: tuple[PairForce, ...]
     bonds: tuple[Bond, ...]
+    fields: tuple[Field, ...]
     spring_damping: str  # "none", "axial" or "full"
     has_springs: bool
     held: bool  # whether an axis of a particle is
@@ -52,7 +55,7 @@ class Problem:
     @property
     def has_forces(self) -> bool:
         """Whether anything is to be summed."""
-        return bool(self.pairs) or self.has_springs or any(self.gravity) or self.drag > 0.0
+        return bool(self.pairs or self.fields) or self.has_springs or any(self.gravity) or self.drag > 0.0
 
 
 def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> Problem:
@@ -62,7 +65,7 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         Refused: there is none for something that it names.
     """
     _refuse(_reason(spec, snapshot, device, precision))
-    gravity, drag, pairs, bonds = np.zeros(3), 0.0, [], []
+    gravity, drag, pairs, along, acting = np.zeros(3), 0.0, [], [], []
     for force in spec.forces:
         known = force.parameters
         if force.name == "uniform_gravity":
@@ -70,7 +73,9 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         elif force.name == "linear_drag":
             drag += float(known["coefficient"])
         elif is_formula(force.name) and force.law.kind == "bond":
-            bonds.append(_bond(force, snapshot, precision))
+            along.append(_bond(force, snapshot, precision))
+        elif is_formula(force.name) and force.law.kind == "field":
+            acting.append(_field(force, snapshot, precision))
         elif is_formula(force.name):
             pairs += between_groups(_formula(force, snapshot, precision), known["between"])
         else:
@@ -84,7 +89,8 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
         drag=drag,
         pairs=tuple(pairs) if snapshot.particle_count > 1 else (),
-        bonds=tuple(bonds) if len(snapshot.springs) > 0 else (),
+        bonds=tuple(along) if len(snapshot.springs) > 0 else (),
+        fields=tuple(acting),
         spring_damping=spec.spring_damping if damped else "none",
         has_springs=len(snapshot.springs) > 0,
         held=not bool(snapshot.free[:, : spec.dimensions].all()),
@@ -123,7 +129,7 @@ def _reason(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str)
         offer = _offer(spec, snapshot, device, precision)
         return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}{offer}"
     forces = next((reason for force in spec.forces if (reason := _force_reason(force))), "")
-    return forces or _bond_reason(spec) or _contact_reason(spec)
+    return forces or _most_reason(spec) or _contact_reason(spec)
 
 
 def _offer(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> str:
@@ -144,9 +150,11 @@ def _force_reason(force: ComponentSpec) -> str:
     return next((f"{force.name} with {key}: {value}" for key, value in others.items() if not _is_plain(key, value)), "")
 
 
-def _bond_reason(spec: SceneSpec) -> str:
-    count = sum(is_formula(force.name) and force.law.kind == "bond" for force in spec.forces)
-    return f"{count} bonds, there are up to {MOST}" if count > MOST else ""
+def _most_reason(spec: SceneSpec) -> str:
+    kinds = [force.law.kind for force in spec.forces if is_formula(force.name)]
+    most = {"bond": bonds.MOST, "field": fields.MOST}
+    found = ((kinds.count(kind), kind, limit) for kind, limit in most.items())
+    return next((f"{count} {kind}s, there are up to {limit}" for count, kind, limit in found if count > limit), "")
 
 
 def _is_plain(key: str, value: Any) -> bool:
@@ -162,6 +170,10 @@ def _contact_reason(spec: SceneSpec) -> str:
         return f"the contact solver {spec.contacts.solver.name}, there is {', '.join(SOLVERS)}"
     if moved := [surface for surface in enclosure_of(spec).surfaces if surface.motion is not None]:
         return f"{moved[0].label} with a motion"
+    if turned := [surface for surface in enclosure_of(spec).surfaces if surface.turning is not None]:
+        return f"{turned[0].label} with a turning"
+    if rough := [surface for surface in enclosure_of(spec).surfaces if surface.friction > 0.0]:
+        return f"{rough[0].label} with a friction"
     if segments := enclosure_of(spec).segments:
         return f"{segments[0].label}, there are planes, cylinders and spheres"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
@@ -177,6 +189,14 @@ def _bond(force: ComponentSpec, snapshot: Snapshot, precision: str) -> Bond:
     """A bond by its formula."""
     try:
         return Bond.of(_law(force), force.parameters["of"], snapshot.springs.between, precision)
+    except ValueError as error:
+        raise Refused(f"no OpenCL kernel for {force.label}: {error}") from None
+
+
+def _field(force: ComponentSpec, snapshot: Snapshot, precision: str) -> Field:
+    """A field by its formula."""
+    try:
+        return Field.of(_law(force), force.parameters["on"], snapshot.particle_count, precision)
     except ValueError as error:
         raise Refused(f"no OpenCL kernel for {force.label}: {error}") from None
 

@@ -21,14 +21,20 @@ def steps_text(program: Any, precision: str) -> str:
 
 
 def steps_of(program: Any, precision: str) -> tuple[list[str], str]:
-    """The statements that compute a program, and the name of its result, for numbers or vectors of a type T.
+    """The statements that compute a program, and the name of its first result, for numbers or vectors of a type T.
 
     ValueError where a number of the formula is beyond the precision, and where it calls a function through points.
     """
+    lines, results = results_of(program, precision)
+    return lines, results[0]
+
+
+def results_of(program: Any, precision: str) -> tuple[list[str], list[str]]:
+    """The same, with the names of all results."""
     if program.points:
         raise ValueError("it calls a function through points")
     lines = [f"const T s{place} = {_value(step, precision)};" for place, step in enumerate(program.steps)]
-    return lines, f"s{program.results[0]}"
+    return lines, [f"s{place}" for place in program.results]
 
 
 def macro(head: str, lines: Sequence[str]) -> str:

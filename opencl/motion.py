@@ -10,6 +10,7 @@ from . import springs
 from .bonds import bonds_text
 from .coverage import Problem
 from .devices import Device
+from .fields import bits, fields_text
 from .hard_spheres import HardSpheres
 from .n_body import PairSum
 from .program import Memory, build, definition
@@ -67,7 +68,7 @@ class Motion:
             ("springs", "motion"),
             problem.precision,
             known | {name: None for name, there in flags.items() if there},
-            bonds_text(problem.bonds),
+            bonds_text(problem.bonds) + fields_text(problem.fields),
         )
         kernels = ("note_places", "drift", "kick_and_drift", "stage", "accelerate", "first_half", "second_half")
         self._kernels = {name: pyopencl.Kernel(program, name) for name in kernels}
@@ -82,6 +83,7 @@ class Motion:
             memory.reals(memory.padded(snapshot.free)) if problem.held else memory.room(4),
             self.pairs.sum if self.pairs else nothing,
             self.pairs.columns if self.pairs else nothing,
+            *(self._quantities(snapshot) if problem.fields else ()),
             *springs.rows(memory, snapshot, problem.bonds),
         )
         self.position, self.other, self.velocity, self.middle, self.acceleration = (
@@ -91,6 +93,11 @@ class Motion:
             self._places = [memory.room(4 * self.count), self.other]
             self._speeds = [memory.room(4 * self.count), self.middle]
             self._slopes = memory.room(16 * self.count)
+
+    def _quantities(self, snapshot: Snapshot) -> tuple[Any, Any]:
+        """Buffers of mass, charge and radius, and of the bits of the fields that each particle feels."""
+        numbers = np.stack([snapshot.mass, snapshot.charge, snapshot.radius], axis=1)
+        return self.memory.reals(self.memory.padded(numbers)), self.memory.buffer(bits(self.problem.fields, self.count))
 
     # --- the state ------------------------------------------------------------------------------------------------------
 
@@ -265,7 +272,8 @@ class Motion:
                 self._kick_by_sum(problem.dt, problem.dt)
             self.memory.queue.finish()
 
-        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs), bonds_text(problem.bonds))
+        formulas = bonds_text(problem.bonds) + fields_text(problem.fields)
+        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs), formulas)
         key = ("motion", device.id, problem.precision, problem.integrator, effects, self.count)
         self._group = fastest(key, [size for size in GROUPS if size <= device.handle.max_work_group_size], attempt)
 

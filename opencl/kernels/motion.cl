@@ -9,12 +9,27 @@
  * Positions that others look at are written to another buffer. Where there are pairs, each place is also noted in `columns`,
  * component by component, as their sum reads it.
  *
+ * Where fields have formulas, FIELD_STEPS(T, HAS) is the text that returns the sum of their accelerations (fields.py), of x, y, z and
+ * of m, q and R, which are the numbers of a particle in `quantities`; HAS(n) is bit n of `felt`.
+ *
  * Built with -DSPRINGS, -DSPRING_DAMPING=0, 1 or 2, -DPAIRS, -DHELD where they are, and -DGRAVITY_X, _Y, _Z, -DDRAG as numbers.
  */
+#ifdef FIELD_STEPS
+#define FIELDS __global const REAL4 *restrict quantities, __global const int *restrict felt,
+#define PASS_FIELDS quantities, felt,
+#define FEELS(n) ((on & (1 << n)) != 0)
+static inline REAL4 field(const REAL4 here, const REAL4 numbers, const int on) {
+    const REAL x = here.x, y = here.y, z = here.z, m = numbers.x, q = numbers.y, R = numbers.z;
+    FIELD_STEPS(REAL, FEELS)
+}
+#else
+#define FIELDS
+#define PASS_FIELDS
+#endif
 #define FORCES                                                                                                   \
     const int count, const int stride, __global const REAL *restrict inverse_mass, __global const REAL4 *restrict free_axes, \
-        __global const REAL *restrict pair_sum, __global REAL *restrict columns, ROWS
-#define PASS_FORCES count, stride, inverse_mass, free_axes, pair_sum, columns, PASS_ROWS
+        __global const REAL *restrict pair_sum, __global REAL *restrict columns, FIELDS ROWS
+#define PASS_FORCES count, stride, inverse_mass, free_axes, pair_sum, columns, PASS_FIELDS PASS_ROWS
 
 static inline void note(const int i, const int stride, const REAL4 place, __global REAL *restrict columns) {
 #ifdef PAIRS
@@ -33,17 +48,20 @@ static inline REAL4 where_free(const int i, const REAL4 a, __global const REAL4 
 }
 
 /* By all forces that do not depend on velocity, springs left out. */
-static REAL4 outside(const int i, FORCES) {
+static REAL4 outside(const int i, const REAL4 here, FORCES) {
     REAL4 a = (REAL4)(GRAVITY_X, GRAVITY_Y, GRAVITY_Z, 0);
 #ifdef PAIRS
     a += (REAL4)(pair_sum[i], pair_sum[i + stride], pair_sum[i + 2 * stride], 0);
+#endif
+#ifdef FIELD_STEPS
+    a += field(here, quantities[i], felt[i]);
 #endif
     return a;
 }
 
 /* By all that do not. */
 static REAL4 still(const int i, const REAL4 here, __global const REAL4 *restrict x, FORCES) {
-    REAL4 a = outside(i, PASS_FORCES);
+    REAL4 a = outside(i, here, PASS_FORCES);
 #ifdef SPRINGS
     a += inverse_mass[i] * elastic_row(i, here, x, PASS_ROWS);
 #endif
@@ -66,7 +84,7 @@ static REAL4 all_together(const int i, const REAL4 here, const REAL4 moving, __g
 #if SPRING_DAMPING > 0
     REAL4 elastic, friction;
     elastic_and_friction_row(i, here, moving, x, v, &elastic, &friction, PASS_ROWS);
-    *without = where_free(i, outside(i, PASS_FORCES) + inverse_mass[i] * elastic, free_axes);
+    *without = where_free(i, outside(i, here, PASS_FORCES) + inverse_mass[i] * elastic, free_axes);
     return *without + where_free(i, inverse_mass[i] * (friction - DRAG * moving), free_axes);
 #else
     *without = still(i, here, x, PASS_FORCES);

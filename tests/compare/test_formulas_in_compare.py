@@ -32,6 +32,19 @@ FIELDS = {
     "drag": {"external": {"acceleration": ["-0.1*v*vx", "-0.1*v*vy + sin(x)", "-z/m"]}},
 }
 
+PLACE_FIELDS = {
+    "field": FIELDS["field"],
+    "acceleration": {"external": {"acceleration": ["-0.3*x + sin(y)", "x*y*z/m", "-tanh(z)*q"]}},
+    "of some": [
+        {"external": {"name": "one", "potential": "m*x^4/4 + q*y", "on": "half"}},
+        {"external": {"name": "other", "acceleration": ["-y*m", "x", "1/(1 + r^2)"]}},
+        {"uniform_gravity": {"acceleration": [0.1, -0.2, 0.3]}},
+        {"lennard_jones": {"strength": 0.7, "length": 0.3}},
+    ],
+    "of the package": [{"harmonic_trap": {"frequencies": [1.0, 2.0, 0.5]}}, {"logarithmic_halo": {"speed": 1.2, "core": 0.3}}],
+}
+"""Fields that depend on the place alone, and forces beside them."""
+
 
 def scene_of(force, **more):
     particles = [
@@ -45,7 +58,8 @@ def scene_of(force, **more):
 def ratio_to_allowance(spec, contender_of, precision):
     """The largest error of an acceleration, as a share of what rounding may cause."""
     error, allowed = error_and_allowance(spec, contender_of, precision, PLACES, SPEEDS)
-    return float(np.max(error / allowed))
+    with np.errstate(divide="ignore"):  # no error where nothing is allowed, as along an axis without a force, is no error
+        return float(np.max(np.divide(error, allowed, out=np.zeros_like(error), where=~(error == 0.0))))
 
 
 def error_and_allowance(spec, contender_of, precision, places, speeds):
@@ -82,6 +96,74 @@ def test_kernels_agree_with_the_reference_to_rounding(law, precision):
 @pytest.mark.sampled(3)
 def test_opencl_evaluates_the_same_formula(opencl, law, precision):
     assert ratio_to_allowance(scene_of(LAWS[law]), OpenclContender, precision) < 1.0
+
+
+def halved(forces, **more):
+    """Sixty particles of which the first thirty are a group."""
+    lattice = {"name": "half", "shape": [30], "lower": [0, 0, 0], "upper": [3, 1, 2], "mass": 1.5}
+    others = [
+        {"body": {"position": place.tolist(), "mass": 1 + k % 3, "charge": (-1.0) ** k}} for k, place in enumerate(PLACES[30:])
+    ]
+    return load_scene(
+        {
+            "particles": [{"lattice": lattice}, *others],
+            "forces": forces if isinstance(forces, list) else [forces],
+            "integrator": {"leapfrog": {"dt": 1e-3}},
+            **more,
+        }
+    )
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("law", PLACE_FIELDS)
+@pytest.mark.sampled(3)
+def test_opencl_evaluates_the_same_field(opencl, law, precision):
+    ratio = ratio_to_allowance(halved(PLACE_FIELDS[law]), OpenclContender, precision)
+    assert ratio < 1.0 and (ratio > 1e-6 or precision == "f64")
+
+
+@pytest.mark.parametrize("integrator", ["leapfrog", "velocity_verlet", "rk4"])
+@pytest.mark.parametrize("damping", [0.0, 0.4])
+@pytest.mark.sampled(3)
+def test_opencl_moves_particles_in_a_field(opencl, integrator, damping):
+    """Beside the kernels of the program, with and without friction of springs: 200 steps of some 50 roundings each."""
+    springs = [{"link": {"between": [k, k + 1], "stiffness": 3.0, "damping": damping}} for k in range(40)]
+    spec = halved(PLACE_FIELDS["of some"][:3], springs=springs, integrator={integrator: {"dt": 1e-3}}, run={"steps": 200})
+    start, ends = assemble(spec), []
+    for made in (OpenclContender(spec, start, "f64"), TaichiContender(spec, start, "cpu", "f64")):
+        made.restart()
+        made.advance(200)
+        ends.append(made.read()[0])
+        made.close()
+    assert np.abs(ends[0] - start.position).max() > 1e-3
+    assert np.abs(ends[0] - ends[1]).max() < 200 * 50 * 10 * np.finfo(float).eps
+
+
+@pytest.mark.parametrize("fault", ["an axis", "a group", "the mass"])
+def test_a_wrong_field_in_opencl_is_noticed(opencl, fault, monkeypatch):
+    wrong = {
+        "an axis": ("const REAL x = here.x, y = here.y", "const REAL x = here.y, y = here.x"),
+        "a group": ("((on & (1 << n)) != 0)", "((on | (1 << n)) != 0)"),
+        "the mass": ("m = numbers.x", "m = 1 + numbers.y"),
+    }[fault]
+    assert ratio_to_allowance(halved(PLACE_FIELDS["of some"]), OpenclContender, "f64") < 1.0
+    change_kernel(monkeypatch, "motion", *wrong)
+    assert ratio_to_allowance(halved(PLACE_FIELDS["of some"]), OpenclContender, "f64") > 1e3
+
+
+@pytest.mark.parametrize(
+    ("force", "message"),
+    [
+        ({"external": {"acceleration": ["-vx", "0", "0"]}}, "external: it depends on the velocity"),
+        ({"external": {"acceleration": ["sin(t)", "0", "0"]}}, "external: it depends on the time"),
+        ({"magnetic_field": {"field": [0, 0, 1]}}, "magnetic_field: it depends on the velocity"),
+        ([{"external": {"name": f"f{k}", "potential": "x"}} for k in range(32)], "32 fields, there are up to 31"),
+    ],
+)
+def test_fields_of_more_than_the_place_are_refused_by_name(opencl, force, message):
+    spec = halved(force)
+    with pytest.raises(BackendError, match=message):
+        OpenclContender(spec, assemble(spec), "f64")
 
 
 @pytest.mark.sampled(2)
@@ -280,7 +362,7 @@ def test_bonds_that_opencl_lacks_are_named(opencl):
         ([{"bond": {"potential": "1e200*l"}}], "no OpenCL kernel for bond: .* is no number of f32"),
         ([{"bond": {"potential": "f(l)"}}], "no OpenCL kernel for bond: it calls a function through points"),
         ([{"pair": {"potential": "f(r)"}}], "no OpenCL kernel for pair: it calls a function through points"),
-        ([*SEVERAL, {"external": {"potential": "x^2"}}], "no OpenCL kernel for the force external"),
+        ([*SEVERAL, {"external": {"acceleration": ["-vx", 0, 0]}}], "for external: it depends on the velocity"),
     ):
         spec = networks(forces, functions={"f": {"points": [[0, 0], [3, 1], [30, 0.5]]}})
         with pytest.raises(BackendError, match=words):

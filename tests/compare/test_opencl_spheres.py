@@ -128,3 +128,18 @@ def test_a_fault_in_a_contact_is_seen(opencl, fault, monkeypatch):
     except opencl.Failed:
         return
     assert np.abs(found.velocity - expected.velocity).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"motion": ["0", "0.1*sin(t)", "0"]}, "with a motion"),
+        ({"turning": {"angle": "0.1*t", "axis": [1, 0, 0]}}, "with a turning"),
+        ({"friction": 0.3}, "with a friction"),
+    ],
+)
+def test_walls_that_the_kernels_do_not_know_are_refused_by_name(opencl, given, words):
+    wall = {"plane": {"point": [0, -1, 0], "normal": [0, 1, 0], **given}}
+    spec, start = loaded(spheres(10, walls=(wall,), radius=0.3, overlap="separate"))
+    with pytest.raises(opencl.Refused, match=f"no OpenCL kernel for walls\\[1\\].plane.* {words}"):
+        opencl.Runner(spec, start, precision="f64")
