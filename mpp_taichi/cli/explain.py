@@ -8,7 +8,6 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._explained_walls import walls_told
 from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
@@ -51,6 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
+    from mpp_taichi.cli._explained_walls import walls_told
     from mpp_taichi.device.memory_limit import most_resident_bytes
     from mpp_taichi.modes.network_report import network_facts
     from mpp_taichi.report.summary import effect_names, plan_reason
