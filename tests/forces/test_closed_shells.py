@@ -94,6 +94,7 @@ def test_the_icosahedron_and_the_tetrahedron_have_their_volumes():
 
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 5.0 / 3.0])
 @pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.sampled(3)
 def test_the_force_is_the_slope_of_the_energy(exponent, swapped):
     with Simulation(bent(exponent, swapped=swapped), backend="cpu", precision="f64") as simulation:
         start = simulation.snapshot()
@@ -170,6 +171,7 @@ METHODS = {
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.sampled(3)
 def test_methods_of_every_kind_agree(method):
     given, bound = METHODS[method]
     wanted = end_of(balloon(scale=0.9, method={"dop853": {"dt": 1e-2}}))
@@ -184,6 +186,7 @@ def end_of(scene, time=1.0, **more):
 
 
 @pytest.mark.parametrize(("backend", "precision"), [("cpu", "f32"), ("vulkan", "f32"), ("vulkan", "f64"), ("cpu", "ds")])
+@pytest.mark.sampled(3)
 def test_every_device_and_precision_agrees(backend, precision):
     wanted = end_of(balloon(2, scale=0.95))
     found = end_of(balloon(2, scale=0.95), backend=backend, precision=precision)

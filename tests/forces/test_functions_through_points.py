@@ -81,6 +81,7 @@ class Lookup:
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
 @pytest.mark.parametrize("kind", ["uneven", "even", "two", "repeats", "even and repeats"])
+@pytest.mark.sampled(3)
 def test_kernels_find_the_same_values(backend, precision, kind):
     """Within the bound of the rounding errors, at random places and at the points; beyond the points there is no number."""
     x = {"two": np.array([0.5, 2.0])}.get(kind, EVEN if "even" in kind.split() else UNEVEN)
@@ -161,6 +162,7 @@ def run(scene, **device):
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "hermite4", "implicit_midpoint", "ias15", "rk4"])
 @pytest.mark.parametrize("place", PLACES)
+@pytest.mark.sampled(3)
 def test_the_points_of_a_cubic_act_as_its_formula_does(place, integrator):
     """Coefficients are rounded differently; 30 steps of at most 15 evaluations each add such errors, which grow little."""
     ends = [run(cluster(force, integrator), backend="cpu", precision="f64") for force in forces_of(place)]
@@ -170,6 +172,7 @@ def test_the_points_of_a_cubic_act_as_its_formula_does(place, integrator):
 
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
 @pytest.mark.parametrize("place", PLACES)
+@pytest.mark.sampled(3)
 def test_the_points_of_a_cubic_act_as_its_formula_does_in_single_precision(place, backend):
     ends = [run(cluster(force), backend=backend, precision="f32") for force in forces_of(place)]
     assert np.abs(ends[0].position - ends[1].position).max() < 30 * 30 * np.finfo(np.float32).eps
@@ -266,6 +269,7 @@ def points_of_a_well(places):
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 @pytest.mark.parametrize("side", [2, 3, 6])
 @pytest.mark.parametrize("spacing", [np.linspace, np.geomspace])
+@pytest.mark.sampled(3)
 def test_sums_over_pairs_take_curves_in_every_plan(side, plan, precision, spacing):
     """Beside a sum by NumPy; loops over many pairs are compiled in explicit vectors, which read fields in their own way."""
     points = points_of_a_well(spacing(0.3, 14.0, 200))
@@ -288,6 +292,7 @@ def test_sums_over_pairs_take_curves_in_every_plan(side, plan, precision, spacin
 
 
 @pytest.mark.parametrize("integrator", ["hermite4", "ias15", "implicit_midpoint"])
+@pytest.mark.sampled(3)
 def test_many_particles_on_a_curve_move_as_on_its_formula(integrator):
     """The points of a cubic, of 64 particles; derivatives of the force are summed in loops of their own."""
     points = points_between(0.1, 9.0)

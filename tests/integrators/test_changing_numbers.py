@@ -105,6 +105,7 @@ def test_each_method_keeps_its_order(name):
 
 
 @pytest.mark.parametrize("name", ["leapfrog", "velocity_verlet", "yoshida4", "yoshida8"])
+@pytest.mark.sampled(3)
 def test_plans_agree(name):
     found = []
     for plan in ("serial", "parallel"):
@@ -160,6 +161,7 @@ def test_a_state_with_another_mass_that_lasts_is_refused(tmp_path):
 
 @pytest.mark.parametrize(("name", "order"), [("leapfrog", 2), ("velocity_verlet", 2), ("yoshida4", 4), ("kahan_li6", 4)])
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
+@pytest.mark.sampled(3)
 def test_the_energy_balance_books_the_change_of_the_numbers(name, order, plan):
     """The residual has the order of the method, up to the fourth order, to which powers are integrated."""
     residuals = []
@@ -187,6 +189,7 @@ def test_the_energy_balance_books_the_change_of_the_numbers(name, order, plan):
         {"pair": {"potential": "-m1*m2/(r + 0.2)", "cutoff": "1.4"}},
     ],
 )
+@pytest.mark.sampled(3)
 def test_the_power_is_the_derivative_of_the_energy_with_all_places_held(force):
     """P = dE/dt at fixed places and velocities, by a difference of fourth order of energies that NumPy and kernels sum."""
     given = scene("leapfrog", 0.01, forces=[force], springs=[])
