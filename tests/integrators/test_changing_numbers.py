@@ -339,3 +339,21 @@ def test_nothing_to_compare(tmp_path):
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene()))
     with pytest.raises(UnsupportedError, match="no other backend has masses and charges that change"):
         compare.execute(parser.parse_args([str(tmp_path / "scene.yaml")]))
+
+
+def test_the_numbers_at_the_start_are_those_of_the_time_zero():
+    """Also for an orbit, whose speed has the mass of both bodies at the start in it."""
+    given = {
+        "particles": [
+            {"body": {"name": "star", "mass": 1.0, "mass_factor": "4 + t", "position": [0, 0, 0]}},
+            {"body": {"mass": 2.5, "mass_factor": "2 - t/9", "charge": 0.5, "charge_factor": "3*cos(t)", **ORBIT}},
+        ],
+        "forces": [{"newtonian_gravity": {}}],
+        "integrator": {"leapfrog": {"dt": 0.01}},
+    }
+    start = assemble(load_scene(given))
+    assert start.mass.tolist() == [4.0, 5.0] and start.charge.tolist() == [0.0, 1.5]
+    assert np.linalg.norm(start.velocity[1] - start.velocity[0]) == pytest.approx(np.sqrt(9.0 / 2.0), rel=1e-14)
+
+
+ORBIT = {"around": "star", "semi_major_axis": 2.0}
