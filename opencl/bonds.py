@@ -10,9 +10,6 @@ from mpp_taichi.scene.groups import is_in
 
 from .formula import macro, steps_of
 
-MOST = 31
-"""Bonds of a scene: the springs of each are one bit of a whole number of 32 bits with a sign."""
-
 
 @dataclass(frozen=True, eq=False)
 class Bond:
@@ -49,11 +46,3 @@ def bonds_text(bonds: Sequence[Bond]) -> str:
         added = bond.result if bond.inside is None else f"HAS({number}) ? {bond.result} : (T)(0)"
         lines += ["{", *bond.lines, f"total += {added};", "}"]
     return macro("BOND_STEPS(T, HAS)", [*lines, "return total;"])
-
-
-def bits(bonds: Sequence[Bond], spring_count: int) -> np.ndarray:
-    """Of each spring the bonds that it has: bit n for bond n."""
-    found = np.zeros(spring_count, np.int32)
-    for number, bond in enumerate(bonds):
-        found |= np.int32(1 << number) * (np.ones(spring_count, bool) if bond.inside is None else bond.inside)
-    return found

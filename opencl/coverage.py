@@ -13,11 +13,10 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup, enclosure_of
 
-from . import bonds, fields
 from .bonds import Bond
 from .devices import Device, Refused
 from .fields import Field
-from .formula import steps_text
+from .formula import MOST, steps_text
 from .n_body import PairForce
 from .program import REALS
 
@@ -152,9 +151,8 @@ def _force_reason(force: ComponentSpec) -> str:
 
 def _most_reason(spec: SceneSpec) -> str:
     kinds = [force.law.kind for force in spec.forces if is_formula(force.name)]
-    most = {"bond": bonds.MOST, "field": fields.MOST}
-    found = ((kinds.count(kind), kind, limit) for kind, limit in most.items())
-    return next((f"{count} {kind}s, there are up to {limit}" for count, kind, limit in found if count > limit), "")
+    found = ((kinds.count(kind), kind) for kind in ("bond", "field"))
+    return next((f"{count} {kind}s, there are up to {MOST}" for count, kind in found if count > MOST), "")
 
 
 def _is_plain(key: str, value: Any) -> bool:

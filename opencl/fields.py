@@ -10,8 +10,6 @@ from mpp_taichi.scene.groups import is_in
 
 from .formula import macro, results_of
 
-MOST = 31
-"""Fields of a scene: the particles of each are one bit of a whole number of 32 bits with a sign."""
 NAMES = ("x", "y", "z", "m", "q", "R")
 """What a formula of a place may read here: the place, and the mass, the charge and the radius of the particle."""
 
@@ -56,11 +54,3 @@ def fields_text(fields: Sequence[Field]) -> str:
         added = [f"total.{axis} += {result};" for axis, result in zip("xyz", field.results)]
         lines += [f"{felt}{{", *field.lines, *added, "}"]
     return macro("FIELD_STEPS(T, HAS)", [*lines, "return total;"])
-
-
-def bits(fields: Sequence[Field], count: int) -> np.ndarray:
-    """Of each particle the fields that it feels: bit n for field n."""
-    found = np.zeros(count, np.int32)
-    for number, field in enumerate(fields):
-        found |= np.int32(1 << number) * (np.ones(count, bool) if field.inside is None else field.inside)
-    return found

@@ -4,9 +4,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from .program import definition
 
 OPERATORS = ("+", "-", "*", "/")
+MOST = 31
+"""Formulas of one kind in a scene: which springs or particles have each is one bit of a whole number of 32 bits with a sign."""
 FUNCTIONS = {"root": "sqrt", "abs": "fabs"}
 """Steps that OpenCL calls by another name; it has the others by the same names."""
 
@@ -40,6 +44,14 @@ def results_of(program: Any, precision: str) -> tuple[list[str], list[str]]:
 def macro(head: str, lines: Sequence[str]) -> str:
     """The definition of a macro of several lines."""
     return f"#define {head} \\\n    " + " \\\n    ".join(lines) + "\n"
+
+
+def bits(parts: Sequence[Any], count: int) -> np.ndarray:
+    """The formulas that act on each of `count` springs or particles: bit n for formula n, whose `inside` is None for all."""
+    found = np.zeros(count, np.int32)
+    for number, part in enumerate(parts):
+        found |= np.int32(1 << number) * (np.ones(count, bool) if part.inside is None else part.inside)
+    return found
 
 
 def _value(step: tuple[Any, ...], precision: str) -> str:

@@ -10,7 +10,8 @@ from . import springs
 from .bonds import bonds_text
 from .coverage import Problem
 from .devices import Device
-from .fields import bits, fields_text
+from .fields import fields_text
+from .formula import bits
 from .hard_spheres import HardSpheres
 from .n_body import PairSum
 from .program import Memory, build, definition
@@ -63,12 +64,13 @@ class Motion:
             "HELD": problem.held,
             "DRAGGED": problem.drag > 0.0,
         }
+        self._formulas = bonds_text(problem.bonds) + fields_text(problem.fields)
         program = build(
             memory.context,
             ("springs", "motion"),
             problem.precision,
             known | {name: None for name, there in flags.items() if there},
-            bonds_text(problem.bonds) + fields_text(problem.fields),
+            self._formulas,
         )
         kernels = ("note_places", "drift", "kick_and_drift", "stage", "accelerate", "first_half", "second_half")
         self._kernels = {name: pyopencl.Kernel(program, name) for name in kernels}
@@ -272,8 +274,7 @@ class Motion:
                 self._kick_by_sum(problem.dt, problem.dt)
             self.memory.queue.finish()
 
-        formulas = bonds_text(problem.bonds) + fields_text(problem.fields)
-        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs), formulas)
+        effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs), self._formulas)
         key = ("motion", device.id, problem.precision, problem.integrator, effects, self.count)
         self._group = fastest(key, [size for size in GROUPS if size <= device.handle.max_work_group_size], attempt)
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
 
-from .bonds import Bond, bits
+from .bonds import Bond
+from .formula import bits
 from .program import Memory
 
 DAMPING = {"none": 0, "axial": 1, "full": 2}  # as kernels are told it
@@ -16,8 +17,8 @@ DAMPING = {"none": 0, "axial": 1, "full": 2}  # as kernels are told it
 def rows(memory: Memory, snapshot: Snapshot, bonds: Sequence[Bond]) -> tuple[Any, ...]:
     """Buffers start, neighbor, stiffness, rest_length, damping: both ends of every spring, by the particle they pull at.
 
-    Where there are bonds, a last buffer has the bits of those of each half-spring. Row i is start[i] … start[i + 1]; within a
-    row the order is that of the scene.
+    Where there are bonds, a last buffer has the bits of the bonds of each half-spring. Row i is start[i] … start[i + 1]; the
+    half-springs of a row stand in the order of the springs of the scene.
     """
     springs = snapshot.springs
     ends, others = springs.between.T.ravel(), springs.between[:, ::-1].T.ravel()

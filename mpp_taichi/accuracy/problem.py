@@ -21,7 +21,7 @@ from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.timeline import time_after
 from mpp_taichi.scene.tree_checks import tree_of
-from mpp_taichi.scene.wall_motions import moved_walls, rough_walls, turned_walls
+from mpp_taichi.scene.wall_motions import walls_with
 from mpp_taichi.simulation.course import Phase, phases_of
 from mpp_taichi.snapshot import Snapshot
 
@@ -199,9 +199,9 @@ def _check_methods(spec: SceneSpec) -> None:
             f"{entry.location}: accuracy compares motions that are smooth, and springs that break or yield do so at a step: "
             "run the scene with smaller steps instead"
         )
-    for _, wall in (*moved_walls(spec), *turned_walls(spec)):
+    for _, wall in (*walls_with(spec, "motion"), *walls_with(spec, "turning")):
         raise SceneError(f"{wall.location}: accuracy compares solvers of contacts that do not know the motion of this wall")
-    for _, wall in rough_walls(spec):
+    for _, wall in walls_with(spec, "friction"):
         raise SceneError(f"{wall.location}: accuracy compares solvers of contacts that do not know the friction of this wall")
     random = [spec.integrator] if spec.integrator.flag("integrators", "draws_random") else []
     for source in (*random, *spec.thermal_walls):

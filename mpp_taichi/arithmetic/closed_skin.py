@@ -29,13 +29,11 @@ def divisions_of(count: int) -> int | None:
     return divisions if 1 <= divisions <= MOST_DIVISIONS and corner_count(divisions) == count else None
 
 
-@lru_cache(maxsize=16)
 def directions(divisions: int) -> np.ndarray:
     """Unit vectors from the centre to the corners, (10 ν² + 2, 3): those of the icosahedron first."""
     return _sphere(divisions)[0]
 
 
-@lru_cache(maxsize=16)
 def triangles(count: int) -> np.ndarray:
     """The corners of each triangle, (triangles, 3), which go round against the clock where they are seen from outside."""
     divisions = divisions_of(count)
@@ -44,6 +42,11 @@ def triangles(count: int) -> np.ndarray:
     if divisions == 0:
         return np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
     return _sphere(divisions)[1]
+
+
+def edge_count(count: int) -> int:
+    """The edges of a closed skin of triangles with so many corners, by Euler's formula."""
+    return 3 * (count - 2)
 
 
 def edges(count: int) -> np.ndarray:
@@ -79,6 +82,7 @@ def enclosed_volume(corners: np.ndarray) -> float:
     return float(np.sum(one * np.cross(two, three))) / 6.0
 
 
+@lru_cache(maxsize=16)
 def _sphere(divisions: int) -> tuple[np.ndarray, np.ndarray]:
     """Directions and triangles of a geodesic sphere.
 

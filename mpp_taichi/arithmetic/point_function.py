@@ -38,10 +38,6 @@ class PointFunction:
         """Of the points."""
         return hash(self.digest)
 
-    def __lt__(self, other: Any) -> bool:
-        """An order, so that lists of names with their values can be sorted."""
-        return str(self) < str(other)
-
     def __repr__(self) -> str:
         """The name and the digest of the points, which tell functions apart."""
         return f"{self.name}({self.digest})"

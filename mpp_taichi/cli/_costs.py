@@ -86,9 +86,8 @@ def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
     rigid = [entry for _, entry in spec.rigid_entries]
     elastic = tuple(entry for entry in spec.springs if entry not in rigid)
     if elastic:
-        bonds = [force for force in spec.forces if component.declaration("forces", force.name).base == "FormulaBond"]
-        others = tuple(force for force in spec.forces if force not in bonds)  # for a bond needs springs
-        name = " with ".join([component.marked("forces", "acts_on_springs")[0], *(force.label for force in bonds)])
+        others = tuple(force for force in spec.forces if force not in spec.bonds)  # for a bond needs springs
+        name = " with ".join([component.marked("forces", "acts_on_springs")[0], *(force.label for force in spec.bonds)])
         variants.append((name, replace(spec, springs=tuple(rigid), forces=others)))
     if rigid:
         variants.append((rigid[0].name, replace(spec, springs=elastic)))

@@ -40,7 +40,11 @@ class Dihedral(DihedralForce):
 
     @ti.func
     def twist(self, sine, cosine):
-        """φ − φ₀ between −π and π: twice the angle whose tangent is sin/(1 + cos), or π less that of the opposite angle."""
+        """φ − φ₀ between −π and π.
+
+        An angle up to π/2 is twice the arc tangent of sin/(1 + cos). A larger angle is ±π less the angle with the same sine and
+        the opposite cosine, so that 1 + cos is never small.
+        """
         s = sine * ti.static(math.cos(self.angle)) - cosine * ti.static(math.sin(self.angle))
         c = cosine * ti.static(math.cos(self.angle)) + sine * ti.static(math.sin(self.angle))
         half = elementary("atan", s / (1.0 + ti.abs(c)))

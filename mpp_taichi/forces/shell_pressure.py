@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.closed_skin import MOST_NEIGHBORS, divisions_of, enclosed_volume, rings
+from mpp_taichi.arithmetic.closed_skin import MOST_NEIGHBORS, enclosed_volume, rings
 from mpp_taichi.arithmetic.gas_law import pressure_share, work_share
 from mpp_taichi.arithmetic.particle_update import wide_position
 from mpp_taichi.component import Particles, component, param
@@ -49,8 +49,6 @@ class ShellPressure(ExternalForce):
     def see(self, start: Snapshot) -> None:
         """Take the volume at the start of the scene, and put the neighbours of each corner on the device."""
         first, count = self.of
-        if divisions_of(count) is None:
-            raise ValueError(f"no closed skin has {count} corners")  # the checks of a scene refuse it before
         self.start_volume = abs(enclosed_volume(start.position[first : first + count]))
         self.ring = ti.field(ti.i32, count * MOST_NEIGHBORS)
         self.ring.from_numpy(rings(count).ravel().astype(np.int32))

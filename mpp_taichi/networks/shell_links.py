@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from mpp_taichi.arithmetic.closed_skin import divisions_of, edges
+from mpp_taichi.arithmetic.closed_skin import divisions_of, edge_count, edges
 from mpp_taichi.component import Color, Particles, component, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.networks._base import Network, NetworkContext, make_springs
@@ -48,7 +48,7 @@ class ShellLinks(Network):
 
     def spring_count(self, lattice: Callable) -> int:
         """The number of edges."""
-        return len(edges(self._count()))
+        return edge_count(self._count())
 
     def generate(self, context: NetworkContext) -> Springs:
         """Link neighbours."""

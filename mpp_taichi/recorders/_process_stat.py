@@ -1,4 +1,4 @@
-"""What Linux tells of a process: its state, and the processor time that it has taken."""
+"""The state of a process and the processor time that it has taken, from the file `stat` that Linux has for each process."""
 
 from pathlib import Path
 

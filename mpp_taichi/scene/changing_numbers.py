@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -22,24 +21,26 @@ class Change:
         return self.number * float(self.law.at(time)[0][0])
 
 
-def changes_of(spec: SceneSpec) -> list[Change]:
-    """The changes of a scene; SymPy is imported where there is one."""
-    if not spec.changing_entries:
+def changes_of(spec: SceneSpec, snapshot: Snapshot) -> list[Change]:
+    """The changes of a scene, of which a snapshot has the indices of the bodies; SymPy is imported where there is one."""
+    if not snapshot.changing:
         return []
     from mpp_taichi.scene.formulas.path_law import path_law
 
-    starts = layout_of(spec).starts
+    numbers = dict.fromkeys(number for number, _entry, _quantity in spec.changing_entries)
+    index = dict(zip(numbers, snapshot.changing, strict=True))
     return [
-        Change(starts[number], quantity, entry.parameters[quantity], path_law((entry.parameters[f"{quantity}_factor"],)))
+        Change(index[number], quantity, entry.parameters[quantity], path_law((entry.parameters[f"{quantity}_factor"],)))
         for number, entry, quantity in spec.changing_entries
     ]
 
 
 def with_changes(spec: SceneSpec, snapshot: Snapshot) -> Snapshot:
     """The snapshot with the masses and charges of its time."""
-    if not spec.changing_entries:
+    changes = changes_of(spec, snapshot)
+    if not changes:
         return snapshot
     numbers: dict[str, Any] = {"mass": snapshot.mass.copy(), "charge": snapshot.charge.copy()}
-    for change in changes_of(spec):
+    for change in changes:
         numbers[change.quantity][change.index] = change.at(snapshot.time)
     return replace(snapshot, **numbers)

@@ -188,14 +188,13 @@ def with_bonds(spec: SceneSpec, snapshot: Snapshot) -> Snapshot:
     """
     springs = snapshot.springs
     stiffness, rest = springs.stiffness.copy(), springs.rest_length.copy()
-    for entry in spec.forces:
-        if is_formula(entry.name) and entry.law.kind == "bond":
-            own, length, which = bonds(entry, snapshot)
-            values = values_of(entry)
-            tension = stiffness[which] * (length - rest[which]) + entry.law.at("shape", length, own, values) * length
-            total = stiffness[which] + entry.law.at("along", length, own, values)
-            stiffness[which] = total
-            rest[which] = np.where(total != 0.0, length - tension / np.where(total != 0.0, total, 1.0), rest[which])
+    for entry in spec.bonds:
+        own, length, which = bonds(entry, snapshot)
+        values = values_of(entry)
+        tension = stiffness[which] * (length - rest[which]) + entry.law.at("shape", length, own, values) * length
+        total = stiffness[which] + entry.law.at("along", length, own, values)
+        stiffness[which] = total
+        rest[which] = np.where(total != 0.0, length - tension / np.where(total != 0.0, total, 1.0), rest[which])
     return replace(snapshot, springs=replace(springs, stiffness=stiffness, rest_length=rest))
 
 

@@ -1,6 +1,6 @@
 """Checks of bodies whose path, mass or charge is a given function of the time: bad formulas, and what excludes them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,42 +28,45 @@ def paths_of(spec: SceneSpec) -> list[Any]:
 
 def check_changing_numbers(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse masses and charges that are no finite numbers during the run, and parts of a scene that do not go with them."""
+    if not spec.changing_entries:
+        return
+    given = []
     for number, entry, quantity in spec.changing_entries:
         parameter = f"{quantity}_factor"
         key = f"particles[{number}].{entry.name}.{parameter}"
+        given.append((key, entry))
         if not entry.parameters[quantity]:
             faults.add(entry.location, key, f"multiplies a {quantity} of 0, so nothing would change")
         law = check_formulas_of_time(spec, "particles", number, entry, parameter, tree, faults)
         if law is not None and quantity == "mass":
             times = times_of_run(spec)
-            factor = law.numbers_at(times)[0]
+            factor = law.rows_at(times)[0]
             if factor.min() <= 0.0:
                 k = int(np.argmax(factor <= 0.0))
                 told = f"the factor is {factor[k]:.6g} at t = {times[k]:g}, must be above 0 at all times"
                 faults.add(entry.parameters[parameter].place, key, told)
-    for number, entry, quantity in spec.changing_entries[:1]:
-        for reason in _reasons(spec, f"a {quantity} that changes"):
-            faults.add(entry.location, f"particles[{number}].{entry.name}.{quantity}_factor", reason)
-    if len(spec.changing_entries) > MOST_DRIVEN:
-        number, entry, quantity = spec.changing_entries[MOST_DRIVEN]
-        told = f"{len(spec.changing_entries)} masses and charges of the scene change, allowed: {MOST_DRIVEN}"
-        faults.add(entry.location, f"particles[{number}].{entry.name}.{quantity}_factor", told)
+    _number, _entry, first = spec.changing_entries[0]
+    _check_together(spec, given, f"a {first} that changes", "masses and charges of the scene change", faults)
 
 
 def check_paths(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse paths that are no finite numbers during the run, and parts of a scene that do not go with bodies on paths."""
-    if not spec.driven_entries:
-        return
     for number, entry in spec.driven_entries:
         check_formulas_of_time(spec, "particles", number, entry, "path", tree, faults)
         _check_mass(spec, number, entry, faults)
-    number, first = spec.driven_entries[0]
-    for reason in _reasons(spec, "a body on a path"):
-        faults.add(first.location, f"particles[{number}].{first.name}.path", reason)
-    if len(spec.driven_entries) > MOST_DRIVEN:
-        number, entry = spec.driven_entries[MOST_DRIVEN]
-        told = f"{len(spec.driven_entries)} bodies of the scene are on a path, allowed: {MOST_DRIVEN}"
-        faults.add(entry.location, f"particles[{number}].{entry.name}.path", told)
+    given = [(f"particles[{number}].{entry.name}.path", entry) for number, entry in spec.driven_entries]
+    _check_together(spec, given, "a body on a path", "bodies of the scene are on a path", faults)
+
+
+def _check_together(
+    spec: SceneSpec, given: Sequence[tuple[str, ComponentSpec]], what: str, counted: str, faults: Faults
+) -> None:
+    """Refuse parts of a scene that do not go with the `given` functions of the time, by key and entry, and too many of them."""
+    for key, entry in given[:1]:
+        for reason in _reasons(spec, what):
+            faults.add(entry.location, key, reason)
+    for key, entry in given[MOST_DRIVEN : MOST_DRIVEN + 1]:
+        faults.add(entry.location, key, f"{len(given)} {counted}, allowed: {MOST_DRIVEN}")
 
 
 def _reasons(spec: SceneSpec, what: str) -> Iterator[str]:
@@ -91,36 +94,58 @@ def check_formulas_of_time(
     The place of each formula is noted. A text that is no formula of t is refused, and a formula that is no finite number at
     some time of the run: then the result is None.
     """
-    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a path
-    from mpp_taichi.scene.formulas.program import points_of
-
     given, key = entry.parameters[parameter], f"{listed}[{number}].{entry.name}.{parameter}"
     texts = given if isinstance(given, tuple) else (given,)
     keys = [f"{key}[{which}]" for which in range(len(texts))] if isinstance(given, tuple) else [key]
     entries = tree.get(listed)
     node = None if entries is None else entries.value[number].value[entry.name].get(parameter)
     nodes = [node or tree] * len(texts) if node is None or not isinstance(node.value, list) else node.value
+    return checked_law(spec, texts, nodes, keys, faults)
+
+
+def checked_law(
+    spec: SceneSpec,
+    texts: Sequence[Any],
+    nodes: Sequence[Node],
+    keys: Sequence[str],
+    faults: Faults,
+    *,
+    noun: str = "a path",
+    parts: Mapping[str, str] | None = None,
+) -> Any:
+    """The law (PathLaw) of formulas of the time, which stand at `nodes` under `keys`; None where one is refused.
+
+    Messages call the law `noun`, and its values and their derivatives by the words that `parts` has for x, x′ and x″.
+    """
+    from mpp_taichi.scene.formulas.path_law import path_law  # with SymPy, only where there is a formula of the time
+    from mpp_taichi.scene.formulas.program import points_of
+
     for text, each in zip(texts, nodes):
         text.place = each.place_of(0)
     try:
         law = path_law(texts)
     except ExpressionError as error:
         which = getattr(error, "formula", 0)
-        faults.add(nodes[which].place_of(error.offset), keys[which], str(error))
+        faults.add(nodes[which].place_of(error.offset), keys[which], str(error).replace("a path", noun))
         return None
     bad = law.first_bad(times_of_run(spec))
     if bad is not None:
         which, what, time = bad
-        told = f"{what} is no finite number at t = {time:g}, must be one at all times"
+        told = f"{(parts or {}).get(what, what)} is no finite number at t = {time:g}, must be one at all times"
         ends = [each.told for each in points_of(law) if not each.repeats]
         faults.add(texts[which].place, keys[which], "; ".join([told, *ends[:1]]))
         return None
     return law
 
 
+def end_of_run(spec: SceneSpec) -> float:
+    """The time at which a run ends as the scene says; 0 where it does not say when."""
+    return spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
+
+
 def times_of_run(spec: SceneSpec) -> np.ndarray:
     """Times from the start to the end of a run, at which formulas of the time are tried."""
-    end = spec.run.duration or (spec.run.steps or 0) * float(spec.integrator.parameters.get("dt") or 0.0)
+    end = end_of_run(spec)
     return np.linspace(0.0, end, TIMES_TRIED if end else 1)
 
 
@@ -140,11 +165,10 @@ def warned_kinks(spec: SceneSpec) -> Iterator[tuple[Any, str]]:
         return
     from mpp_taichi.scene.formulas.grammar import kinks  # with SymPy
 
-    for number, entry in spec.driven_entries:
-        for text in entry.parameters["path"]:
-            for name, _character in kinks(text.expression):
-                yield text.place, f"particles[{number}].{entry.name}.path: {name} has a kink, at which a step loses its order"
+    given = [(number, entry, "path", text) for number, entry in spec.driven_entries for text in entry.parameters["path"]]
     for number, entry, quantity in spec.changing_entries:
-        text, key = entry.parameters[f"{quantity}_factor"], f"particles[{number}].{entry.name}.{quantity}_factor"
+        given.append((number, entry, f"{quantity}_factor", entry.parameters[f"{quantity}_factor"]))
+    for number, entry, parameter, text in given:
         for name, _character in kinks(text.expression):
+            key = f"particles[{number}].{entry.name}.{parameter}"
             yield text.place, f"{key}: {name} has a kink, at which a step loses its order"

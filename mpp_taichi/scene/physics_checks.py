@@ -28,7 +28,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins, _shells)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins)
     for check in always if moved else (*always, line_faults, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -55,7 +55,7 @@ def _first_of_each_entry(layout: ParticleLayout, bad: np.ndarray) -> Iterator[in
 def _hinges(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """Hinges beside forces and limits of springs that would act on the springs of which a hinge is made."""
     bent = [(number, entry) for number, entry in enumerate(spec.springs) if entry.flag("networks", "bends")]
-    bonds = [entry.label for entry in spec.forces if is_formula(entry.name) and entry.law.kind == "bond"]
+    bonds = [entry.label for entry in spec.bonds]
     for number, entry in bent[:1]:
         where = f"springs[{number}].{entry.name}"
         if bonds:
@@ -65,34 +65,32 @@ def _hinges(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
 
 
 def _skins(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Closed skins that are none: outside the plane, with fewer than three corners, or without an area."""
+    """Closed skins that are none: of other dimensions than the scene, of too few corners, or with nothing inside."""
     for number, entry in enumerate(spec.forces):
-        if not entry.flag("forces", "encloses"):
-            continue
-        where, (first, count) = f"forces[{number}].{entry.name}", entry.parameters["of"]
-        if spec.dimensions != 2:
-            yield entry.location, f"{where}: a skin is a curve in the plane, must be in a scene with dimensions: 2"
-        elif count < 3:
-            yield entry.location, f"{where}.of: has {count} particles, must have three or more, the corners of a closed skin"
-        elif not signed_area(snapshot.position[first : first + count, :2]):
-            yield entry.location, f"{where}.of: its corners enclose no area at the start"
+        for flag, reason in (("encloses", _why_no_curve), ("encloses_volume", _why_no_surface)):
+            if entry.flag("forces", flag):
+                first, count = entry.parameters["of"]
+                told = reason(spec.dimensions, snapshot.position[first : first + count])
+                if told:
+                    yield entry.location, f"forces[{number}].{entry.name}{told}"
 
 
-def _shells(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Closed skins in space that are none: in a plane, of a number of corners that no skin has, or without a volume."""
-    for number, entry in enumerate(spec.forces):
-        if not entry.flag("forces", "encloses_volume"):
-            continue
-        where, (first, count) = f"forces[{number}].{entry.name}", entry.parameters["of"]
-        if spec.dimensions != 3:
-            yield entry.location, f"{where}: a closed skin of triangles is in space, must be in a scene with three dimensions"
-        elif divisions_of(count) is None:
-            yield (
-                entry.location,
-                f"{where}.of: has {count} particles, must be a shell, of 10 ν² + 2 particles, or four particles",
-            )
-        elif not enclosed_volume(snapshot.position[first : first + count]):
-            yield entry.location, f"{where}.of: its corners enclose no volume at the start"
+def _why_no_curve(dimensions: int, corners: np.ndarray) -> str:
+    """Why these are no corners of a closed curve in the plane; empty where they are."""
+    if dimensions != 2:
+        return ": a skin is a curve in the plane, must be in a scene with dimensions: 2"
+    if len(corners) < 3:
+        return f".of: has {len(corners)} particles, must have three or more, the corners of a closed skin"
+    return "" if signed_area(corners[:, :2]) else ".of: its corners enclose no area at the start"
+
+
+def _why_no_surface(dimensions: int, corners: np.ndarray) -> str:
+    """Why these are no corners of a closed surface of triangles; empty where they are."""
+    if dimensions != 3:
+        return ": a closed skin of triangles is in space, must be in a scene with three dimensions"
+    if divisions_of(len(corners)) is None:
+        return f".of: has {len(corners)} particles, must be a shell, of 10 ν² + 2 particles, or four particles"
+    return "" if enclosed_volume(corners) else ".of: its corners enclose no volume at the start"
 
 
 def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -346,6 +346,11 @@ class SceneSpec:
         return [force for force in self.forces if force.flag("forces", key)]
 
     @property
+    def bonds(self) -> list[ComponentSpec]:
+        """The forces along springs whose potential is a formula."""
+        return [force for force in self.forces if component.declaration("forces", force.name).base == "FormulaBond"]
+
+    @property
     def gravity(self) -> float:
         """The strength G of the scene's gravity; 0 without gravity."""
         return sum((float(force.parameters["strength"]) for force in self.forces_with("gravitates")), 0.0)

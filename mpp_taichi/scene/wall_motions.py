@@ -10,44 +10,33 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.turning_checks import check_angle
 
 
-def moved_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
-    """Number and entry of each wall with a `motion`."""
-    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("motion") is not None]
-
-
-def turned_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
-    """Number and entry of each wall with a `turning`."""
-    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("turning") is not None]
-
-
-def rough_walls(spec: SceneSpec) -> list[tuple[int, ComponentSpec]]:
-    """Number and entry of each wall with a `friction`."""
-    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get("friction", 0.0) > 0.0]
+def walls_with(spec: SceneSpec, parameter: str) -> list[tuple[int, ComponentSpec]]:
+    """Number and entry of each wall that has a `motion`, a `turning` or a `friction`."""
+    return [(number, wall) for number, wall in enumerate(spec.walls) if wall.parameters.get(parameter)]
 
 
 def functions_of_motions(spec: SceneSpec) -> list[str]:
     """The functions beyond arithmetic and roots that motions of walls call, such as sin."""
-    texts = [wall.parameters["motion"] for _, wall in moved_walls(spec)]
-    angles = [(wall.parameters["turning"].angle,) for _, wall in turned_walls(spec)]
+    texts = [wall.parameters["motion"] for _, wall in walls_with(spec, "motion")]
+    angles = [(wall.parameters["turning"].angle,) for _, wall in walls_with(spec, "turning")]
     called = [name for each in (*texts, *angles) for name in _law(each).functions]
     return list(dict.fromkeys([*called, *(("sin", "cos") if angles else ())]))
 
 
 def check_wall_motions(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse motions and turnings that are no finite numbers during the run, or beside a solver that does not know them."""
-    for number, wall in moved_walls(spec):
+    for number, wall in walls_with(spec, "motion"):
         key = f"walls[{number}].{wall.name}.motion"
         if any(wall.parameters["velocity"]):
             faults.add(wall.location, key, "is beside a velocity, leave one of them out: a motion may have a term v*t")
         check_formulas_of_time(spec, "walls", number, wall, "motion", tree, faults)
-    for number, wall in turned_walls(spec):
+    for number, wall in walls_with(spec, "turning"):
         check_angle(spec, number, wall, tree, faults)
     solver = None if spec.contacts is None else spec.contacts.solver
-    asked = (("motion", moved_walls, "motions"), ("turning", turned_walls, "turnings"), ("friction", rough_walls, "friction"))
-    for parameter, found, flag in asked:
+    for parameter, flag in (("motion", "motions"), ("turning", "turnings"), ("friction", "friction")):
         if solver is not None and not solver.flag("contacts", f"takes_{flag}"):
             allowed = ", ".join(component.marked("contacts", f"takes_{flag}"))
-            for number, wall in found(spec):
+            for number, wall in walls_with(spec, parameter):
                 told = f"goes with the solvers {allowed}, not {solver.name}"
                 faults.add(wall.location, f"walls[{number}].{wall.name}.{parameter}", told)
 

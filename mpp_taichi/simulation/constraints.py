@@ -64,7 +64,7 @@ def _driven_bodies_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
 
 
 def _changing_numbers_of(spec: SceneSpec, start: Snapshot, device: Device) -> Any:
-    changes = changes_of(spec)
+    changes = changes_of(spec, start)
     if not changes:
         return None
     from mpp_taichi.forces._changing_numbers import ChangingNumbers  # only for scenes that have such numbers

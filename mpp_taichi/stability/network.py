@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mpp_taichi import component
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -35,7 +34,7 @@ class SpringNetwork:
 
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
         """Keep the scene and the state; every rate is computed when it is first asked for."""
-        if any(component.declaration("forces", entry.name).base == "FormulaBond" for entry in spec.forces):
+        if spec.bonds:
             from mpp_taichi.scene.formula_checks import with_bonds  # only where a formula stands in the scene
 
             snapshot = with_bonds(spec, snapshot)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.path_checks import end_of_run
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.start.contact_setup import ContactSetup
 from mpp_taichi.walls._base import Surface
@@ -26,7 +27,7 @@ def check_wall_steps(spec: SceneSpec, setup: ContactSetup) -> None:
     movers = [each for each in setup.enclosure.surfaces if _has_two_sides(each)]
     if not movers or not movable.any() or step is None:
         return
-    radius, end = float(setup.radius[movable].min()), spec.run.duration or (spec.run.steps or 0) * float(step)
+    radius, end = float(setup.radius[movable].min()), end_of_run(spec)
     times = float(step) * np.unique(np.linspace(0.0, max(end / step - 1.0, 0.0), STEPS_TRIED).astype(int))
     jumps = not spec.contacts.solver.flag("contacts", "sees_flights")
     for surface in movers:
@@ -57,7 +58,7 @@ def _ways(surface: Surface, times: np.ndarray, step: float) -> np.ndarray:
         return np.abs(moved[1] - moved[0]).max(axis=0)
     result = np.full(len(times), step * float(np.linalg.norm(surface.velocity)))
     for law, size in _laws(surface):
-        now, later = _rows(law, times), _rows(law, times + step)
+        now, later = law.rows_at(times), law.rows_at(times + step)
         result = result + size * np.linalg.norm((later - now)[: law.dimensions], axis=0)
     return result
 
@@ -67,19 +68,19 @@ def _places(surface: Surface, times: np.ndarray) -> np.ndarray:
     ends = np.array([complex(*surface.point[:2]), complex(*surface.end[:2])])[:, None]
     shift = complex(*surface.velocity[:2]) * times
     if surface.motion is not None:
-        found = _rows(surface.motion, times)
+        found = surface.motion.rows_at(times)
         shift = shift + found[0] + 1j * found[1]
     if surface.turning is None:
         return ends + shift
     about, sense = complex(*surface.turning.about[:2]), surface.turning.axis[2]
-    return about + (ends - about) * np.exp(1j * sense * _rows(surface.turning.angle, times)[0]) + shift
+    return about + (ends - about) * np.exp(1j * sense * surface.turning.angle.rows_at(times)[0]) + shift
 
 
 def _beyond_parabolas(surface: Surface, times: np.ndarray, step: float) -> np.ndarray:
     """By how much a segment leaves, in the step that begins at each time, what two derivatives of its formulas say [length]."""
     result = np.zeros(len(times))
     for law, size in _laws(surface):
-        now, later, count = _rows(law, times), _rows(law, times + step), law.dimensions
+        now, later, count = law.rows_at(times), law.rows_at(times + step), law.dimensions
         rates = now[count:]
         rest = later[:count] - now[:count] - step * rates[:count] - 0.5 * step * step * rates[count:]
         result = result + size * np.linalg.norm(rest, axis=0)
@@ -93,15 +94,3 @@ def _laws(surface: Surface) -> list[tuple[Any, float]]:
         ends = np.array([surface.point, surface.end if surface.kind == "segment" else surface.point])
         found.append((surface.turning.angle, float(surface.turning.distance(ends).max())))
     return found
-
-
-def _rows(law: Any, times: np.ndarray) -> np.ndarray:
-    """The values of a law at some times, their rates and the changes of these, a row for each axis."""
-    from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-
-    found = []
-    for program, first in ((law.motion, 0), (law.change, law.dimensions)):
-        with np.errstate(all="ignore"):
-            rows = program.run(ArrayArithmetic, dict.fromkeys(program.names, times), times)
-        found += [np.broadcast_to(np.asarray(row, float), times.shape) for row in rows[first:]]
-    return np.array(found)

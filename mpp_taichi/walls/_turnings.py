@@ -21,6 +21,7 @@ from mpp_taichi.arithmetic.elementary_functions import elementary
 from mpp_taichi.arithmetic.formula_steps import KernelArithmetic
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
+from mpp_taichi.walls._motions import at_time
 
 PART_OF_RADIUS = 1.0 / 16.0  # up to which a flight may leave its tangent before the next tangent is taken
 MOST_PIECES = 16384  # of a flight; with so many of them a flight may leave one tangent for all by 10⁷ radii
@@ -122,7 +123,7 @@ def shift_of(surface: Any, size: int, time: Any) -> list[Any]:
     if surface.motion is None:
         return found
     law = surface.motion
-    first, second = _run(law.motion, time), _run(law.change, time)[law.dimensions :]
+    first, second = at_time(law.motion, time), at_time(law.change, time)[law.dimensions :]
     parts = [first[: law.dimensions], first[law.dimensions :], second]
     return [ti.cast(each, float) for part in parts for each in part[:size]]
 
@@ -130,15 +131,11 @@ def shift_of(surface: Any, size: int, time: Any) -> list[Any]:
 @traced
 def rates_of(surface: Any, time: Any) -> list[Any]:
     """θ′ and θ″ at a time."""
-    return [ti.cast(each, float) for each in _run(surface.turning.angle.change, time)]
+    return [ti.cast(each, float) for each in at_time(surface.turning.angle.change, time)]
 
 
 @traced
 def circle_of(surface: Any, time: Any) -> list[Any]:
     """The cosine and the sine of θ at a time."""
-    angle = KernelArithmetic.kept(ti.cast(_run(surface.turning.angle.motion, time)[0], float))
+    angle = KernelArithmetic.kept(ti.cast(at_time(surface.turning.angle.motion, time)[0], float))
     return [KernelArithmetic.kept(elementary(name, angle)) for name in ("cos", "sin")]
-
-
-def _run(program: Any, time: Any) -> list[Any]:
-    return list(program.run(KernelArithmetic, {name: ti.cast(time, float) for name in program.names}, 1.0))

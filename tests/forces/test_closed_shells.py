@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from measured import MadeUpSample
 from repeated_runs import run_with_a_way_back
+from run_ends import end_of
 
 from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.arithmetic import closed_skin
@@ -177,12 +178,6 @@ def test_methods_of_every_kind_agree(method):
     wanted = end_of(balloon(scale=0.9, method={"dop853": {"dt": 1e-2}}))
     found = end_of(balloon(scale=0.9, method={method: given}))
     assert np.abs(found.position - wanted.position).max() < bound
-
-
-def end_of(scene, time=1.0, **more):
-    with Simulation(scene, **({"backend": "cpu", "precision": "f64"} | more)) as simulation:
-        simulation.run(duration=time)
-        return simulation.snapshot()
 
 
 @pytest.mark.parametrize(("backend", "precision"), [("cpu", "f32"), ("vulkan", "f32"), ("vulkan", "f64"), ("cpu", "ds")])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from measured import MadeUpSample
 from repeated_runs import run_with_a_way_back
+from run_ends import end_of
 
 from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.errors import PrecisionError, UnsupportedError
@@ -156,12 +157,6 @@ METHODS = {
     "adaptive_dop853": ({"dt": 2e-2}, 1e-6),
     "implicit_midpoint": ({"dt": 2e-3, "tolerance": 1e-12}, 1e-4),
 }
-
-
-def end_of(scene, time=1.0, **more):
-    with Simulation(scene, **({"backend": "cpu", "precision": "f64"} | more)) as simulation:
-        simulation.run(duration=time)
-        return simulation.snapshot()
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -5,11 +5,11 @@ import json
 import jsonschema
 import numpy as np
 import pytest
+from told_faults import told
 
-from mpp_taichi import SceneError, Simulation, resume
+from mpp_taichi import Simulation, resume
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.schema import scene_schema
-from mpp_taichi.start.assemble import assemble
 
 TEXT = """\
 constants: {{T: 2}}
@@ -30,13 +30,6 @@ def written(tmp_path, function=CURVE, formula="f(t)"):
     file = tmp_path / "scene.yaml"
     file.write_text(TEXT.format(function=function, formula=formula))
     return str(file)
-
-
-def told(scene):
-    """The faults of a scene, each without the folder of its file."""
-    with pytest.raises(SceneError) as caught:
-        assemble(load_scene(scene))
-    return [line.split("scene.yaml:")[-1] for line in caught.value.faults]
 
 
 @pytest.mark.parametrize(

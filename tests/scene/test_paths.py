@@ -5,6 +5,7 @@ import logging
 import math
 
 import pytest
+from told_faults import told
 
 from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.accuracy.problem import pose
@@ -36,13 +37,6 @@ def written(tmp_path, support=PATH, integrator="leapfrog", more=""):
     file = tmp_path / "scene.yaml"
     file.write_text(TEXT.format(support=support, integrator=integrator, more=more))
     return str(file)
-
-
-def told(scene):
-    """The faults of a scene, each without the folder of its file."""
-    with pytest.raises(SceneError) as caught:
-        assemble(load_scene(scene))
-    return [line.split("scene.yaml:")[-1] for line in caught.value.faults]
 
 
 @pytest.mark.parametrize(

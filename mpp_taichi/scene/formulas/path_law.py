@@ -51,14 +51,13 @@ class PathLaw:
         result[: self.dimensions] = self._numbers(self.change, np.array([time]))[self.dimensions :, 0]
         return result
 
-    def numbers_at(self, times: np.ndarray) -> np.ndarray:
-        """The components of x at some times, (axes, times)."""
-        return self._numbers(self.motion, times)[: self.dimensions]
+    def rows_at(self, times: np.ndarray) -> np.ndarray:
+        """The components of x at some times, then those of x′ and those of x″, (3 axes, times)."""
+        return np.concatenate([self._numbers(self.motion, times), self._numbers(self.change, times)[self.dimensions :]])
 
     def first_bad(self, times: np.ndarray) -> tuple[int, str, float] | None:
         """(axis, "x", "x′" or "x″", time) of the first of these times at which a number is not finite; None: all are."""
-        rows = np.concatenate([self._numbers(self.motion, times), self._numbers(self.change, times)[self.dimensions :]])
-        bad = ~np.isfinite(rows)
+        bad = ~np.isfinite(self.rows_at(times))
         if not bad.any():
             return None
         column = int(np.argmax(bad.any(axis=0)))
