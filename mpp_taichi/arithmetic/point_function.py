@@ -78,12 +78,38 @@ class PointFunction:
         _place, d, c = self._piece(x)
         return _cubic(np.abs(d), np.abs(c), derivative)
 
-    def _piece(self, x: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x within the first period, d, and the coefficients of the interval, (…, 4)."""
+    def steepest(self, x: Any, derivative: int, reach: Any) -> Any:
+        """The largest |f′| of a derivative at x, of the cubics of the intervals at x − reach, x and x + reach."""
+        near = [self._piece(x, other)[1:] for other in (x, x - reach, x + reach)]
+        return np.max([np.abs(_cubic(d, c, derivative + 1)) for d, c in near], axis=0)
+
+    def jump_within(self, x: Any, derivative: int, reach: Any) -> Any:
+        """The sum of the jumps of a derivative at all points from x − reach to x + reach.
+
+        The third derivative jumps at the points. The others jump by rounding errors of the coefficients on both sides.
+        """
+        c, width = self.coefficients, np.diff(self.x)
+        from_the_left = _cubic(width, c, derivative)
+        jumps = np.abs(np.roll(from_the_left, 1) - falling(derivative, derivative) * c[:, derivative])
+        if not self.repeats:
+            jumps[0] = 0.0  # no interval is left of the first
+        passed, whole = np.cumsum(jumps), float(jumps.sum())
+        (low, first), (high, last) = (self._interval(np.asarray(end, float)) for end in (x - reach, x + reach))
+        jump = passed[high] - passed[low] + (last - first) * whole
+        rounding = np.finfo(float).eps * len(jumps) * whole  # of the sum
+        return np.where((high == low) & (last == first), 0.0, np.abs(jump) + rounding)
+
+    def _interval(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The number of the interval in which x is, and the number of its period."""
+        period = np.floor((x - self.x[0]) / self.span) if self.repeats else np.zeros_like(x)
+        place = x - period * self.span
+        return np.clip(np.searchsorted(self.x, place, side="right") - 1, 0, len(self.x) - 2), period
+
+    def _piece(self, x: Any, other: Any = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x within the first period, d, and the coefficients of the interval, (…, 4), in which x or another number is."""
         place = np.asarray(x, float)
-        if self.repeats:
-            place = self.x[0] + np.mod(place - self.x[0], self.span)
-        k = np.clip(np.searchsorted(self.x, place, side="right") - 1, 0, len(self.x) - 2)
+        k, period = self._interval(place if other is None else np.asarray(other, float))
+        place = place - period * self.span if self.repeats else place
         return place, place - self.x[k], self.coefficients[k]
 
 

@@ -15,8 +15,8 @@ from mpp_taichi.arithmetic.point_function import HIGHEST_DERIVATIVE, PointFuncti
 from mpp_taichi.arithmetic.traced import entry_of, traced
 from mpp_taichi.types import Template
 
-EVEN = 1e-9
-"""Of the distance of two points: how far from equal distances the points may be and count as even. An x that is so near to a
+EVEN = 4.0
+"""In roundings of the largest |x|: how far from equal distances the points may be and count as even. An x that is so near to a
 point may be given to the interval beside it, whose cubic continues the curve with the same f, f′ and f″."""
 
 
@@ -61,13 +61,14 @@ def _made(function: PointFunction, program: Any) -> PointFields:
     kind = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
     x.from_numpy(np.append(function.x, np.nan).astype(kind))
     coefficients.from_numpy(function.coefficients.ravel().astype(kind))
-    widths = np.diff(function.x)
-    even = bool(np.ptp(widths) <= EVEN * widths.mean())
+    step = float(np.diff(function.x).mean())
+    off = np.abs(function.x - (function.x[0] + step * np.arange(len(function.x)))).max()
+    even = bool(off <= EVEN * np.finfo(float).eps * np.abs(function.x).max())
     return PointFields(
         program,
         x,
         coefficients,
-        float(widths.mean()) if even else 0.0,
+        step if even else 0.0,
         len(function.x),
         function.repeats,
         float(function.x[0]),

@@ -18,7 +18,7 @@ springs: [{link: {between: [a, b], stiffness: 200}}, {link: {between: [b, c], st
 forces: [{uniform_gravity: {acceleration: [0, 0, -9.81]}}]
 integrator: {leapfrog: {dt: 1e-6}}
 timeline: [{at: 1.00000012, set: {"springs[0].link.stiffness": 150}}]
-run: {duration: 12.00000012}
+run: {duration: 24.00000012}
 inspect: [{x: time, y: {kinetic_energy: {}}}]
 expect: {oscillation_period: {of: c, axis: z, above: 0}}
 """

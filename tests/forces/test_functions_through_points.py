@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from mpp_taichi import Simulation, resume
 from mpp_taichi.arithmetic.elementary_functions import at_points
-from mpp_taichi.arithmetic.point_function import PointFunction
+from mpp_taichi.arithmetic.point_function import PointFunction, _cubic
 from mpp_taichi.arithmetic.point_lookup import provide
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device import backends
@@ -107,6 +107,24 @@ def test_kernels_find_the_same_values(backend, precision, kind):
         assert np.all(np.abs(values[: len(at), derivative] - curve.at(at, derivative)) <= unit * bound)
     if not curve.repeats:
         assert np.isnan(values[len(at) :]).all()
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_the_bound_of_a_number_beside_a_point_holds_for_both_cubics(repeats):
+    """Rounding decides on which side of a point a number is; the second derivatives of both sides differ by rounding errors."""
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        y = random.normal(size=len(EVEN))
+        y[-1] = y[0] if repeats else y[-1]
+        curve = PointFunction("f", EVEN, y, repeats=repeats)
+        points = EVEN[1:-1]
+        before, after = curve.coefficients[:-1], curve.coefficients[1:]
+        for derivative in range(4):
+            bound = RoundingArithmetic.through_points(Rounded(points, 0.0), curve, derivative).error * np.finfo(float).eps
+            jump = np.abs(_cubic(np.diff(EVEN)[:-1], before, derivative) - _cubic(0.0 * points, after, derivative))
+            assert np.all(jump <= bound)
+            middle = 0.5 * (EVEN[1:] + EVEN[:-1])  # no point is near, so nothing jumps
+            assert np.all(RoundingArithmetic.through_points(Rounded(middle, 0.0), curve, derivative).error < 1e6)
 
 
 CUBIC = {"x": [0.01, 0.5, 0.9, 1.6, 2.5, 4.0, 9.0], "of": lambda x: (x - 1.0) ** 2 + 0.1 * (x - 1.0) ** 3}

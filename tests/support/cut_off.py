@@ -8,7 +8,7 @@ from mpp_taichi.archive.record_file import STATE, RecordFile
 from mpp_taichi.errors import MppError
 
 KILL, TERM, RECORD = getattr(signal, "SIGKILL", 9), signal.SIGTERM, getattr(signal, "SIGUSR1", 10)
-PAUSE = 0.3  # seconds before each signal, so that the run goes on a little
+PAUSE = 0.1  # seconds before each signal, so that the run goes on a little
 
 
 def with_scene(folder, text):

@@ -20,6 +20,7 @@ ROUNDINGS_OF_ROOT = 6
 ROUNDINGS_OF_FUNCTION = 10
 ROUNDINGS_OF_POWER = 32
 ROUNDINGS_OF_SUM = 8  # of a cubic: three products and three sums, a factor and the coefficients themselves
+ROUNDINGS_OF_INTERVAL = 8  # of the number of an interval, (x − first)/step, in units of the largest |x| of the points
 LARGEST_UNIT, SMALLEST_UNIT = 2.0**-24, 2.0**-53
 """Units of rounding of f32 and f64, for terms that are of another order in u than the first."""
 _SLOPES = {
@@ -96,10 +97,16 @@ class RoundingArithmetic:
 
     @staticmethod
     def through_points(number: Rounded, function: PointFunction, derivative: int) -> Rounded:
-        """A derivative of a function through points, whose place and coefficients are rounded where they are stored."""
+        """A derivative of a function through points, whose place and coefficients are rounded where they are stored.
+
+        Rounding in f32 may take a number that is near a point to the other side of the point, where another cubic is the curve.
+        """
         x = number.value
-        slope = np.abs(function.at(x, derivative + 1)) if derivative < HIGHEST_DERIVATIVE else 0.0
-        error = slope * (number.error + 2.0 * np.abs(x)) + ROUNDINGS_OF_SUM * function.magnitude_at(x, derivative)
+        moved = number.error + 2.0 * np.abs(x)
+        reach = 2.0 * LARGEST_UNIT * (moved + ROUNDINGS_OF_INTERVAL * np.abs(function.x).max())
+        slope = function.steepest(x, derivative, reach) if derivative < HIGHEST_DERIVATIVE else 0.0
+        jump = function.jump_within(x, derivative, reach) / SMALLEST_UNIT
+        error = slope * moved + jump + ROUNDINGS_OF_SUM * function.magnitude_at(x, derivative)
         return Rounded(function.at(x, derivative), error)
 
     @staticmethod
