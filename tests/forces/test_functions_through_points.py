@@ -25,13 +25,13 @@ from mpp_taichi.sweep.runner import run_members
 from mpp_taichi.sweep.store import SweepStore
 from mpp_taichi.sweep.structure import key_of
 
-RANDOM = np.random.default_rng(11)
-UNEVEN = np.cumsum(RANDOM.uniform(0.1, 2.0, 23)) - 7.0
+SEED = 11
+UNEVEN = np.cumsum(np.random.default_rng(SEED).uniform(0.1, 2.0, 23)) - 7.0
 EVEN = np.linspace(-3.0, 5.0, 17)
 
 
-def heights(x, *, repeats=False):
-    y = RANDOM.normal(size=len(x))
+def heights(x, *, repeats=False, seed=SEED):
+    y = np.random.default_rng(seed).normal(size=len(x))
     y[-1] = y[0] if repeats else y[-1]
     return y
 
@@ -40,7 +40,7 @@ def heights(x, *, repeats=False):
 @pytest.mark.parametrize("repeats", [False, True])
 def test_the_curve_is_the_cubic_spline_of_scipy(count, repeats):
     """The rounding errors of a spline grow with the ratio of neighbouring distances, at most 20 here, and with its slopes."""
-    x = np.cumsum(RANDOM.uniform(0.1, 2.0, count))
+    x = np.cumsum(np.random.default_rng(SEED).uniform(0.1, 2.0, count))
     y = heights(x, repeats=repeats)
     curve, other = PointFunction("f", x, y, repeats=repeats), CubicSpline(x, y, bc_type="periodic" if repeats else "not-a-knot")
     at = np.linspace(x[0], x[-1], 301)
@@ -88,7 +88,12 @@ def test_kernels_find_the_same_values(backend, precision, kind):
     curve = PointFunction("f", x, heights(x, repeats="repeats" in kind), repeats="repeats" in kind)
     span = curve.span if curve.repeats else 0.0
     inside = np.concatenate(
-        [RANDOM.uniform(x[0] - 3 * span, x[-1] + 3 * span, 500), x, np.nextafter(x, 9.0), np.nextafter(x, -9)]
+        [
+            np.random.default_rng(SEED).uniform(x[0] - 3 * span, x[-1] + 3 * span, 500),
+            x,
+            np.nextafter(x, 9.0),
+            np.nextafter(x, -9),
+        ]
     )
     at = np.clip(inside, x[0], x[-1]) if not curve.repeats else inside
     outside = np.array([x[0] - 1.0, x[-1] + 1.0, 1e30, -1e30, np.nan])
@@ -113,10 +118,7 @@ def test_kernels_find_the_same_values(backend, precision, kind):
 def test_the_bound_of_a_number_beside_a_point_holds_for_both_cubics(repeats):
     """Rounding decides on which side of a point a number is; the second derivatives of both sides differ by rounding errors."""
     for seed in range(200):
-        random = np.random.default_rng(seed)
-        y = random.normal(size=len(EVEN))
-        y[-1] = y[0] if repeats else y[-1]
-        curve = PointFunction("f", EVEN, y, repeats=repeats)
+        curve = PointFunction("f", EVEN, heights(EVEN, repeats=repeats, seed=seed), repeats=repeats)
         points = EVEN[1:-1]
         before, after = curve.coefficients[:-1], curve.coefficients[1:]
         for derivative in range(4):
