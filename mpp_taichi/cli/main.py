@@ -6,6 +6,7 @@ Exit codes: 0 ok · 1 internal error · 2 wrong usage, an invalid scene, or a pa
 """
 
 import argparse
+import gc
 import importlib
 import os
 import sys
@@ -55,6 +56,8 @@ NAMES = (
 )
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
+OBJECTS_BETWEEN_COLLECTIONS = 200_000
+"""New objects after which Python looks for cycles, in place of 700: hardly any object of a starting program is in a cycle."""
 EPILOG = __doc__.partition("\n\n")[2]
 DESCRIPTION = """Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` runs a scene.
 
@@ -94,6 +97,8 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     prepare_streams()
+    if arguments is None:  # this process has no other program
+        gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     words = list(sys.argv[1:] if arguments is None else arguments)
     json_wanted = "--json" in words
     code = INTERNAL_ERROR_CODE

@@ -89,8 +89,9 @@ def import_taichi() -> Any:
         os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
     if "taichi" not in sys.modules:
         require_memory(LOADING_BYTES + POOL_BYTES)
+    faster = fast_taichi.being_imported()
     try:
-        with signals_held(), missing_packages_named(), user_variables_hidden():
+        with signals_held(), missing_packages_named(), user_variables_hidden(), faster:
             import taichi
     except Exception as error:
         if tells_no_memory(error):

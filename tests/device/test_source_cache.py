@@ -1,8 +1,14 @@
 """The cached results of Taichi's front end are the results that it would compute again."""
 
+import inspect
+import subprocess
+import sys
+
 import pytest
+from conftest import ROOT
 
 from mpp_taichi.device.backends import import_taichi
+from mpp_taichi.device.fast_taichi.source_cache import lines_read_directly
 from mpp_taichi.simulation.simulation import Simulation
 from scenes import cluster
 
@@ -89,3 +95,71 @@ def test_a_field_of_this_package_knows_its_place_and_a_field_of_a_program_all_th
             assert found == plain and "test_source_cache.py" in found
         else:
             assert found.strip() == [line.strip() for line in plain.splitlines() if line.startswith("  File ")][-1]
+
+
+DEFINE = """
+import mpp_taichi.device.backends as backends
+ti = backends.import_taichi()
+
+@ti.func
+def alone(x):
+    return x
+
+@ti.data_oriented
+class Decorated:
+    @ti.func
+    def f(self, x):
+        return x
+
+    @ti.kernel
+    def k(self):
+        pass
+
+class Plain:
+    @ti.func
+    def f(self, x):
+        return x
+
+    @ti.pyfunc
+    def p(self, x):
+        return x
+
+def made():
+    @ti.kernel
+    def inner():
+        pass
+    return inner
+"""
+
+
+def test_a_function_in_a_class_is_told_from_others(tmp_path):
+    path = tmp_path / "defining.py"
+    path.write_text(DEFINE)
+    names = {"__name__": "defining", "__file__": str(path)}
+    exec(compile(DEFINE, str(path), "exec"), names)
+    decorated, plain = vars(names["Decorated"]), vars(names["Plain"])
+    in_a_class = [decorated["f"].func, plain["f"].func, plain["p"].func]
+    assert [each.classfunc for each in in_a_class] == [True] * 3
+    assert decorated["k"]._is_classkernel
+    assert not names["alone"].func.classfunc and not names["made"]()._is_classkernel
+
+
+def test_a_program_may_define_functions_in_its_first_lines(tmp_path):
+    path = tmp_path / "program.py"
+    path.write_text(DEFINE + "print(alone.func.classfunc, Plain.f.func.classfunc)\n")
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, cwd=ROOT, check=False, timeout=100)
+    assert done.stdout.split() == ["False", "True"], done.stderr
+
+
+def test_lines_of_frames_are_those_that_python_finds():
+    plain = inspect.getframeinfo
+    with lines_read_directly():
+        asked = [(plain(frame), inspect.getframeinfo(frame)) for frame in (sys._getframe(),)]
+        whole = inspect.getframeinfo(sys._getframe(), 3)  # more lines than one are Python's own work
+    assert inspect.getframeinfo is plain and len(whole.code_context) == 3
+    for expected, found in asked:
+        assert (found.filename, found.function, found.code_context) == (
+            expected.filename,
+            expected.function,
+            expected.code_context,
+        )

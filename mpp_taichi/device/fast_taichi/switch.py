@@ -41,6 +41,15 @@ def is_on(name: str) -> bool:
     return name in _parts.in_use
 
 
+def is_wanted(name: str) -> bool:
+    """Whether the environment variable leaves a part on, for a part that works while Taichi is imported.
+
+    Raises:
+        ArgumentError: the variable has a name that no part has.
+    """
+    return name not in parts_off(variable(), KNOWN_TAICHI)[0]
+
+
 def is_decided() -> bool:
     """Whether this process has decided which parts are in use."""
     return _parts.decided
