@@ -7,7 +7,8 @@ import pytest
 from reference.sequential_contacts import fly
 from sphere_gases import Places, box, box_walls, gas, largest_overlap, setup_of
 
-from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs
+from mpp_taichi.contacts import swept as swept_module
+from mpp_taichi.contacts.sweep.sweep import MOST_IN_ONE_THREAD, sweep_in_pairs
 from mpp_taichi.contacts.swept import Swept
 from mpp_taichi.device import backends
 from mpp_taichi.walls._base import Enclosure
@@ -406,6 +407,19 @@ def test_the_component_binds_drifts_and_collects():
     assert solver.collect().pair_count == 0
     assert np.allclose(state.read()[0], [[1.0, 0.0], [4.0, 0.0]], atol=1e-14)
     solver.destroy()
+
+
+@pytest.mark.parametrize(
+    ("on_cpu", "count", "in_pairs"),
+    [(True, MOST_IN_ONE_THREAD + 1, True), (False, MOST_IN_ONE_THREAD, True), (False, MOST_IN_ONE_THREAD + 1, False)],
+)
+def test_one_thread_plays_all_spheres_of_a_cpu_and_few_spheres_of_another_device(on_cpu, count, in_pairs, monkeypatch):
+    chosen = []
+    monkeypatch.setattr(swept_module, "on_cpu", lambda: on_cpu)
+    for name in ("sweep_in_pairs", "sweep_on_device"):
+        monkeypatch.setattr(swept_module, name, lambda *places, name=name, **others: chosen.append(name))
+    Swept().bind(setup_of(np.ones(count)), None)
+    assert chosen == ["sweep_in_pairs" if in_pairs else "sweep_on_device"]
 
 
 def test_a_period_too_short_for_its_spheres_is_refused():
