@@ -203,6 +203,14 @@ def test_what_has_no_meaning_is_refused(change, message):
         end_of(beam(4) | change, steps=1)
 
 
+@pytest.mark.parametrize("places", [(0, 0, 1), (0, 1, 1)])
+def test_a_hinge_with_a_link_of_no_length_is_refused(places):
+    bodies = [{"body": {"name": name, "mass": 1, "position": [x, 0, 0]}} for name, x in zip("abc", places, strict=True)]
+    springs = [{"hinge": {"at": "b", "between": ["a", "c"], "bending_stiffness": B}}]
+    with pytest.raises(SceneError, match="a hinge needs three particles at three places"):
+        assemble(load_scene({"particles": bodies, "springs": springs, "integrator": {"leapfrog": {"dt": 1e-3}}}))
+
+
 def test_hinges_beside_springs_that_break_are_refused():
     scene = beam(4)
     scene["springs"][0]["lattice_links"]["breaks_at"] = 0.5

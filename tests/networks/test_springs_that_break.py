@@ -134,6 +134,18 @@ def test_the_energy_lost_by_a_torn_sheet_is_booked(method, damping):
     assert residuals[1] < residuals[0]
 
 
+@pytest.mark.parametrize(
+    ("limit", "kept"),
+    [({"breaks_at": STRAIN}, False), ({"breaks_at": None, "yields_at": STRAIN}, False), ({"breaks_at": None}, True)],
+)
+def test_only_a_scene_whose_springs_have_no_limits_promises_to_keep_its_energy(limit, kept):
+    scene = pair()
+    link = scene["springs"][0]["link"] | limit
+    scene["springs"][0]["link"] = {key: value for key, value in link.items() if value is not None}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        assert simulation.phase.conserves_energy is kept
+
+
 def test_a_balance_that_begins_after_a_break_counts_what_is_lost_from_then_on():
     with Simulation(sheet(), backend="cpu", precision="f64") as simulation:
         simulation.run(steps=100)
