@@ -1,12 +1,15 @@
 """IAS15 against closed forms and REBOUND's IAS15, and in cases where adaptive steps are difficult."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mpp_taichi import BackendError, SceneError, Simulation, StabilityError
+from mpp_taichi.device import backends
 from mpp_taichi.integrators import _radau
+from mpp_taichi.integrators._radau_polynomial import ITERATIONS, RadauPolynomial
 from scenes import kepler
 
 ULP = 2.0**-52
@@ -52,6 +55,56 @@ def test_the_nodes_are_those_of_radau_and_the_two_bases_are_inverse():
     s = 0.3
     products = [s * np.prod(s - nodes[1 : j + 1]) for j in range(size)]
     assert powers @ s ** np.arange(1, size + 1) == pytest.approx(products, rel=1e-12)
+
+
+LAST_NODE = 7
+COURSES = {  # what the iterations find at the last node, and how many of them there are
+    "nothing changes": (lambda k: 0.0, 1),
+    "the second changes nothing": (lambda k: 1.0, 2),
+    "the changes do not fall": (lambda k: (-1.0) ** k, 3),
+    "the changes fall all the time": (lambda k: 2.0 - 2.0**-k, ITERATIONS),
+}
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_a_step_is_iterated_until_the_changes_are_zero_or_stop_falling_or_the_limit(course):
+    """The acceleration is 0 but at the last node, where it is a given number in each iteration."""
+    import taichi as ti
+
+    backends.start("cpu", "f64")
+    given, expected = COURSES[course]
+    path = RadauPolynomial()
+    fields = {name: ti.Vector.field(1, float, 1) for name in path.work_fields(1)}
+    state = SimpleNamespace(dimensions=1, wide=ti.f64, measure=ti.field(ti.f64, 2), **fields)
+    forces, calls, found = SimpleNamespace(particle_count=1), ti.field(ti.i32, ()), ti.field(float, ITERATIONS + 2)
+    found.from_numpy(np.array([given(k) for k in range(ITERATIONS + 2)]))
+
+    @ti.data_oriented
+    class Law:
+        @ti.func
+        def place(self, state: ti.template(), forces: ti.template(), first, node, h):
+            pass
+
+        @ti.func
+        def evaluate(self, state: ti.template(), forces: ti.template(), first, time, shape: ti.template()):
+            calls[None] += 1
+
+        @ti.func
+        def found(self, state: ti.template(), forces: ti.template(), first, i, time):
+            result = ti.Vector.zero(float, 1)
+            if calls[None] % LAST_NODE == 0:
+                result[0] = found[calls[None] // LAST_NODE]
+            return result
+
+    law = Law()
+
+    @ti.kernel
+    def solve():
+        for _ in range(1):
+            path.solve(state, forces, law, 0, 0.0, 1.0, "serial")
+
+    solve()
+    assert calls[None] == LAST_NODE * expected
 
 
 @pytest.mark.sampled(12)
