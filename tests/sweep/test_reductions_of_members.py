@@ -7,7 +7,10 @@ import pytest
 
 from mpp_taichi import component
 from mpp_taichi.diagnostics._reductions import reduced
+from mpp_taichi.energy.energy_error import EnergyError
+from mpp_taichi.energy.mechanics import kinetic_of_copies
 from mpp_taichi.sweep.gauges import _in_arrays, below
+from mpp_taichi.sweep.reductions import EnergyErrors
 
 COPIES, PARTICLES, SAMPLES = 5, 3, 60
 KEYS = [
@@ -80,6 +83,24 @@ def test_each_copy_has_the_result_of_a_run_of_its_own(name, parameters, keys):
             continue
         # Both add and multiply some tens of numbers of size 1 to 10, each rounded to 1.1e-16.
         assert result == pytest.approx(expected, rel=1e-13, abs=1e-13)
+
+
+def test_the_energy_error_of_each_copy_is_that_of_a_run_of_its_own():
+    """Also of a copy whose energy is zero at the start, and of one that has no sample."""
+    times, _, velocity, mass, potential = courses()
+    potential[0, 1] = -kinetic_of_copies(SimpleNamespace(velocity=velocity[0], mass=mass))[1]
+    together, apart, largest = EnergyErrors(COPIES), [EnergyError() for _ in range(COPIES)], np.full(COPIES, np.nan)
+    random = np.random.default_rng(4)
+    for step, time in enumerate(times):
+        who = np.flatnonzero(random.random(COPIES - 1) < 0.7) if step > 0 else np.arange(COPIES - 1)
+        many = SimpleNamespace(velocity=velocity[step][who], mass=mass[who])
+        together.observe(SimpleNamespace(time=time, snapshot=many, potential_energy=potential[step][who]), who)
+        for k, kinetic in zip(who, kinetic_of_copies(many), strict=True):
+            error = apart[k].see(kinetic, potential[step, k], phase_number=0, phase_energy=None)
+            largest[k] = np.fmax(largest[k], error)
+    # The same sums, differences and quotients of the same numbers, each rounded once, in both.
+    assert np.array_equal(together.results(), largest, equal_nan=True)
+    assert np.isnan(largest).tolist() == [False] * (COPIES - 1) + [True] and (largest[:-1] > 0.0).all()
 
 
 def test_a_stride_is_the_largest_power_of_two_that_fits():
