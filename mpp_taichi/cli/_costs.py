@@ -130,7 +130,7 @@ def _slight(declared: Declaration) -> dict[str, Any] | None:
     found = {}
     for parameter in declared.parameters:
         value = _slight_value(parameter)
-        if value is None and not (parameter.optional and parameter.type == "Particles"):  # an absent group means all particles
+        if value is None and not parameter.optional:  # absent groups and names restrict nothing
             return None
         found[parameter.name] = value
     return found
