@@ -68,36 +68,42 @@ class PointFunction:
         return np.stack([self.y[:-1], slope[:-1], second, third], axis=1)
 
     def at(self, x: Any, derivative: int = 0) -> Any:
-        """The function, or a derivative of it, at some x; NaN outside of the points."""
-        place, d, c = self._piece(x)
-        inside = (place >= self.x[0] - self.slack) & (place <= self.x[-1] + self.slack)
-        return np.where(inside, _cubic(d, c, derivative), np.nan)
+        """The function, or a derivative of it, at some x; NaN outside of the points unless the function repeats."""
+        x = np.asarray(x, float)
+        value = _cubic(*self._piece(x, *self._interval(x)), derivative)
+        if self.repeats:
+            return value
+        return np.where((x >= self.x[0] - self.slack) & (x <= self.x[-1] + self.slack), value, np.nan)
 
     def magnitude_at(self, x: Any, derivative: int = 0) -> Any:
         """The sum of the sizes of all terms, |c₀| + |c₁ d| + |c₂ d²| + |c₃ d³|, by which rounding errors are bounded."""
-        _place, d, c = self._piece(x)
+        x = np.asarray(x, float)
+        d, c = self._piece(x, *self._interval(x))
         return _cubic(np.abs(d), np.abs(c), derivative)
 
-    def steepest(self, x: Any, derivative: int, reach: Any) -> Any:
-        """The largest |f′| of a derivative at x, of the cubics of the intervals at x − reach, x and x + reach."""
-        near = [self._piece(x, other)[1:] for other in (x, x - reach, x + reach)]
-        return np.max([np.abs(_cubic(d, c, derivative + 1)) for d, c in near], axis=0)
+    def spread_around(self, x: Any, derivative: int, reach: Any) -> tuple[Any, Any]:
+        """How a derivative at x may change where x is known to ± reach: its largest slope, and the sum of its jumps.
 
-    def jump_within(self, x: Any, derivative: int, reach: Any) -> Any:
-        """The sum of the jumps of a derivative at all points from x − reach to x + reach.
-
-        The third derivative jumps at the points. The others jump by rounding errors of the coefficients on both sides.
+        The slope is that of the cubics of the intervals at x − reach, x and x + reach, continued to x. At the points the third
+        derivative jumps; the others jump by rounding errors of the coefficients on both sides.
         """
-        c, width = self.coefficients, np.diff(self.x)
-        from_the_left = _cubic(width, c, derivative)
-        jumps = np.abs(np.roll(from_the_left, 1) - falling(derivative, derivative) * c[:, derivative])
+        x = np.asarray(x, float)
+        (low, first), middle, (high, last) = (self._interval(each) for each in (x - reach, x, x + reach))
+        pieces = [self._piece(x, *each) for each in ((low, first), middle, (high, last))]
+        slope = np.max([np.abs(_cubic(*piece, derivative + 1)) for piece in pieces], axis=0)
+        jumps = self._jumps(derivative)
+        passed, whole = np.cumsum(jumps), float(jumps.sum())
+        jump = np.abs(passed[high] - passed[low] + (last - first) * whole)
+        rounding = np.finfo(float).eps * len(jumps) * whole  # of the sum
+        return slope, np.where((high == low) & (last == first), 0.0, jump + rounding)
+
+    def _jumps(self, derivative: int) -> np.ndarray:
+        """By how much a derivative jumps at the begin of each interval, (n − 1,)."""
+        before = _cubic(np.diff(self.x), self.coefficients, derivative)
+        jumps = np.abs(np.roll(before, 1) - falling(derivative, derivative) * self.coefficients[:, derivative])
         if not self.repeats:
             jumps[0] = 0.0  # no interval is left of the first
-        passed, whole = np.cumsum(jumps), float(jumps.sum())
-        (low, first), (high, last) = (self._interval(np.asarray(end, float)) for end in (x - reach, x + reach))
-        jump = passed[high] - passed[low] + (last - first) * whole
-        rounding = np.finfo(float).eps * len(jumps) * whole  # of the sum
-        return np.where((high == low) & (last == first), 0.0, np.abs(jump) + rounding)
+        return jumps
 
     def _interval(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The number of the interval in which x is, and the number of its period."""
@@ -105,12 +111,9 @@ class PointFunction:
         place = x - period * self.span
         return np.clip(np.searchsorted(self.x, place, side="right") - 1, 0, len(self.x) - 2), period
 
-    def _piece(self, x: Any, other: Any = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x within the first period, d, and the coefficients of the interval, (…, 4), in which x or another number is."""
-        place = np.asarray(x, float)
-        k, period = self._interval(place if other is None else np.asarray(other, float))
-        place = place - period * self.span if self.repeats else place
-        return place, place - self.x[k], self.coefficients[k]
+    def _piece(self, x: np.ndarray, interval: np.ndarray, period: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """d = x − x_k, and the coefficients, (…, 4), of an interval in a period."""
+        return x - period * self.span - self.x[interval], self.coefficients[interval]
 
 
 def _cubic(d: np.ndarray, c: np.ndarray, derivative: int) -> np.ndarray:

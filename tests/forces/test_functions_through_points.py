@@ -129,6 +129,13 @@ def test_the_bound_of_a_number_beside_a_point_holds_for_both_cubics(repeats):
             assert np.all(RoundingArithmetic.through_points(Rounded(middle, 0.0), curve, derivative).error < 1e6)
 
 
+def test_a_function_that_repeats_has_a_value_at_each_number():
+    """Rounding takes a number of many periods out of all points by more than the points are continued."""
+    curve = PointFunction("f", UNEVEN, heights(UNEVEN, repeats=True), repeats=True)
+    at = np.random.default_rng(SEED).uniform(-1e14, 1e14, 100_000)
+    assert np.isfinite(curve.at(at)).all()
+
+
 CUBIC = {"x": [0.01, 0.5, 0.9, 1.6, 2.5, 4.0, 9.0], "of": lambda x: (x - 1.0) ** 2 + 0.1 * (x - 1.0) ** 3}
 POINTS = [[x, CUBIC["of"](x)] for x in CUBIC["x"]]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.arithmetic.point_function import HIGHEST_DERIVATIVE, PointFunction
+from mpp_taichi.arithmetic.point_function import PointFunction
 from mpp_taichi.scene.formulas.array_steps import ON_ARRAYS
 
 # In units of the last place of a device, of two roundings each, by the OpenCL C Specification 3.0, §7.4: a quotient 2.5, a root
@@ -104,9 +104,8 @@ class RoundingArithmetic:
         x = number.value
         moved = number.error + 2.0 * np.abs(x)
         reach = 2.0 * LARGEST_UNIT * (moved + ROUNDINGS_OF_INTERVAL * np.abs(function.x).max())
-        slope = function.steepest(x, derivative, reach) if derivative < HIGHEST_DERIVATIVE else 0.0
-        jump = function.jump_within(x, derivative, reach) / SMALLEST_UNIT
-        error = slope * moved + jump + ROUNDINGS_OF_SUM * function.magnitude_at(x, derivative)
+        slope, jump = function.spread_around(x, derivative, reach)
+        error = slope * moved + jump / SMALLEST_UNIT + ROUNDINGS_OF_SUM * function.magnitude_at(x, derivative)
         return Rounded(function.at(x, derivative), error)
 
     @staticmethod
