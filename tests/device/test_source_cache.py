@@ -152,14 +152,11 @@ def test_a_program_may_define_functions_in_its_first_lines(tmp_path):
 
 
 def test_lines_of_frames_are_those_that_python_finds():
-    plain = inspect.getframeinfo
+    plain, frame = inspect.getframeinfo, sys._getframe()
     with lines_read_directly():
-        asked = [(plain(frame), inspect.getframeinfo(frame)) for frame in (sys._getframe(),)]
-        whole = inspect.getframeinfo(sys._getframe(), 3)  # more lines than one are Python's own work
+        expected, found = plain(frame), inspect.getframeinfo(frame)  # both on one line, at which the frame is
+        whole = inspect.getframeinfo(frame, 3)  # more lines than one are Python's own work
     assert inspect.getframeinfo is plain and len(whole.code_context) == 3
-    for expected, found in asked:
-        assert (found.filename, found.function, found.code_context) == (
-            expected.filename,
-            expected.function,
-            expected.code_context,
-        )
+    assert found.filename == expected.filename
+    assert found.function == expected.function
+    assert found.code_context == expected.code_context

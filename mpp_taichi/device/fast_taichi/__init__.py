@@ -11,7 +11,7 @@ remove the part's name from `switch.NAMES`, its row here and its tests.
 
 | name | replaces in Taichi | why | measured gain | systems | how to drop it |
 |---|---|---|---|---|---|
-| source_cache | `getsourcelines`, `textwrap`, `get_pos_info`, `get_traceback`, `_inside_class`; `inspect.getframeinfo` while Taichi is imported | source texts are read and wrapped again for every expression, and looked for in all modules | a quarter of a cold start, a twentieth of a warm start | all | delete the file |
+| source_cache | `getsourcelines`, `textwrap`, `get_pos_info`, `get_traceback`, `getframeinfo` (while Taichi is imported, for all) | source texts are read and wrapped again for every expression, and looked for in all modules | a quarter of a cold start, a twentieth of a warm start | all | delete the file |
 | launch_cache | `Kernel.__call__`, `ti.data_oriented` | the way through Python is the same for every launch | 3.5 µs for a launch instead of 18 µs | all | delete the file; results of kernels become `ti.Matrix` |
 | serial_loops | `ASTTransformer.build_For` | waking a thread takes longer than a loop over few particles | 25 to 100 µs for each loop up to 4,096 particles | all CPUs | let `SerialLoops` do nothing |
 | worker_threads | the runtime's thread pool, `impl.reset`; `do_nothing` in one kernel | Taichi's threads sleep between two loops | 2 µs for a short loop instead of 25 to 60 µs | x64 | delete worker_threads.py and .c, and the call of `start_threads` |

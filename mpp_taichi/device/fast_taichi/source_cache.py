@@ -19,6 +19,7 @@ from types import FrameType, SimpleNamespace
 from typing import Any
 
 REMEMBERED = 1 << 16  # texts; a composed step has some thousands
+_search = inspect.getframeinfo
 
 
 def install() -> None:
@@ -33,43 +34,27 @@ def install() -> None:
     ASTTransformerContext.get_pos_info = _remembering(ASTTransformerContext.get_pos_info)
     for module in (impl, snode):
         module.get_traceback = _short_traceback(module.get_traceback)
-    kernel_impl._inside_class = functools.wraps(kernel_impl._inside_class)(
-        functools.partial(_inside_class, kernel_impl._KERNEL_CLASS_STACKFRAME_STMT_RES)
-    )
+    kernel_impl.inspect = SimpleNamespace(**vars(inspect) | {"getframeinfo": _frame_info})
 
 
 @contextlib.contextmanager
 def lines_read_directly() -> Iterator[None]:
     """A context in which Taichi is imported: its functions, too, learn their lines without a search."""
-    plain = inspect.getframeinfo
-
-    @functools.wraps(plain)
-    def getframeinfo(frame: Any, context: int = 1) -> Any:
-        line = _line(frame) if isinstance(frame, FrameType) and context == 1 else ""
-        if not line:
-            return plain(frame, context)
-        return inspect.Traceback(frame.f_code.co_filename, frame.f_lineno, frame.f_code.co_name, [line], 0)
-
-    inspect.getframeinfo = getframeinfo
+    inspect.getframeinfo = _frame_info
     try:
         yield
     finally:
-        inspect.getframeinfo = plain
+        inspect.getframeinfo = _search
 
 
-def _line(frame: FrameType) -> str:
-    """The line of the source at which a frame is; empty where there is no source."""
-    return linecache.getline(frame.f_code.co_filename, frame.f_lineno, frame.f_globals)
-
-
-def _inside_class(patterns: Any, level_of_class_stackframe: int) -> bool:
-    """Whether the frame so many calls up is at a line that begins a class."""
-    try:
-        frame = sys._getframe(level_of_class_stackframe)
-    except ValueError:  # the function is defined by the first lines of a program, which were called by nothing
-        return False
-    line = _line(frame).strip()
-    return any(pattern.match(line) for pattern in patterns)
+def _frame_info(frame: Any, context: int = 1) -> Any:
+    """`inspect.getframeinfo`, without a search for the one line at which a frame is, where its file has the line."""
+    if isinstance(frame, FrameType) and context == 1:
+        code = frame.f_code
+        line = linecache.getline(code.co_filename, frame.f_lineno, frame.f_globals)
+        if line:
+            return inspect.Traceback(code.co_filename, frame.f_lineno, code.co_name, [line], 0)
+    return _search(frame, context)
 
 
 def _short_traceback(plain: Callable[..., str]) -> Callable[..., str]:
