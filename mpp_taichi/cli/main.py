@@ -57,7 +57,7 @@ NAMES = (
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 OBJECTS_BETWEEN_COLLECTIONS = 200_000
-"""New objects after which Python looks for cycles, in place of 700: hardly any object of a starting program is in a cycle."""
+"""New objects after which Python looks for cycles, not 700: hardly any object of a starting program is in a cycle."""
 EPILOG = __doc__.partition("\n\n")[2]
 DESCRIPTION = """Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` runs a scene.
 
