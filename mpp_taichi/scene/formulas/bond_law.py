@@ -18,6 +18,7 @@ from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, mea
 from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
+from mpp_taichi.scene.formulas.time_limit import in_time
 
 LENGTH, REST = "l", "rest"
 NAMES = (LENGTH, REST)
@@ -69,6 +70,7 @@ def bond_law(text: str, fixed: Meanings, live: tuple[str, ...]) -> BondLaw:
 
 
 @lru_cache(maxsize=256)
+@in_time
 def _derived(text: str, exponents: Meanings, names: tuple[str, ...]) -> BondLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
     expression = parsed(text, exponents)

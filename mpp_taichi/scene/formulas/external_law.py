@@ -18,11 +18,12 @@ import sympy
 from mpp_taichi.arithmetic.point_function import PointFunction
 from mpp_taichi.scene.expressions import ExpressionError
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, meaning, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, is_zero, kinks, meaning, split_numbers, symbolic, tidy
 from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.pair_law import QUANTITIES
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import Rounded, RoundingArithmetic
+from mpp_taichi.scene.formulas.time_limit import in_time
 
 PLACE = ("x", "y", "z")
 MOTION = ("vx", "vy", "vz")
@@ -94,6 +95,7 @@ def external_law(
 
 
 @lru_cache(maxsize=256)
+@in_time
 def _derived(
     potential: str | None,
     acceleration: tuple[str, ...] | None,
@@ -127,7 +129,7 @@ def _derived(
     try:
         energy = sympy.Integer(0) if potential is None else found.pop(0)
         pushes = found[:dimensions] or [sympy.Integer(0)] * dimensions
-        works = sympy.expand(sum((a * v for a, v in zip(pushes, motion, strict=True)), sympy.Integer(0))) != 0
+        works = not is_zero(sum((a * v for a, v in zip(pushes, motion, strict=True)), sympy.Integer(0)))
         rates = [
             tidy(push) if potential is None else checked_size(tidy(push - sympy.diff(energy, x) / symbols["m"]))
             for push, x in zip(pushes, place, strict=True)
@@ -177,4 +179,4 @@ def _turns(rates: list[Any], motion: list[Any]) -> bool:
     if any(entry.has(v) for row in matrix for entry in row for v in motion):
         return False
     pairs = [(j, k) for j in range(len(motion)) for k in range(j + 1)]
-    return all(sympy.expand(matrix[j][k] + matrix[k][j]) == 0 for j, k in pairs)
+    return all(is_zero(matrix[j][k] + matrix[k][j]) for j, k in pairs)

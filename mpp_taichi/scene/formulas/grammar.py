@@ -26,6 +26,8 @@ STEPS_ALLOWED = 4000
 """Operations of a derivative."""
 DERIVED_STEPS_ALLOWED = 600
 """Operations of a derivative that is derived once more; it takes a second."""
+TERMS_ALLOWED = 10_000
+"""Terms of an expression whose products are multiplied out, to see whether it is 0; it takes half a second."""
 LARGEST_DENOMINATOR = 64  # 0.5 and 2.25 are kept as fractions, so that a power of 0.5 is a root
 WITHOUT_DERIVATIVE = ("floor",)
 WITH_KINK = ("abs", "min", "max")
@@ -46,10 +48,15 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "radians": lambda value: value * math.radians(1.0),
     "degrees": lambda value: value * math.degrees(1.0),
     "hypot": lambda *values: sympy.sqrt(sum(value**2 for value in values)),
-    "abs": lambda value: sympy.Mul(*map(sympy.Abs, sympy.Mul.make_args(value))),  # factor by factor
+    "abs": lambda value: sympy.Mul(*map(_absolute, sympy.Mul.make_args(value))),  # factor by factor
     "min": sympy.Min,
     "max": sympy.Max,
 }
+
+
+def _absolute(value: Any) -> Any:
+    """|x|; where SymPy does not know x to be real, as of log(x), its derivative of Abs would have real and imaginary parts."""
+    return sympy.Abs(value) if value.is_extended_real else sympy.Max(value, -value)
 
 
 def symbolic(expression: Expression, values: Mapping[str, Any]) -> Any:
@@ -111,6 +118,33 @@ def is_short(expression: Any) -> bool:
     return bool(expression.count_ops() <= DERIVED_STEPS_ALLOWED)
 
 
+def is_zero(expression: Any) -> bool:
+    """Whether an expression is seen to be 0 once its products are multiplied out.
+
+    An expression that would have more than `TERMS_ALLOWED` terms is not multiplied out, and counts as different from 0.
+    """
+    return bool(_terms(expression) <= TERMS_ALLOWED and sympy.expand(expression) == 0)
+
+
+def _terms(expression: Any) -> float:
+    """A bound of the number of terms of an expression, or of any part of it, when products are multiplied out."""
+    counts = [_terms(each) for each in expression.args]
+    largest = max(counts, default=1.0)
+    if largest > TERMS_ALLOWED:
+        return math.inf
+    if expression.is_Add:
+        return sum(counts)
+    if expression.is_Mul:
+        return math.prod(counts)
+    if expression.is_Pow:  # of k terms to the power n: as many terms as there are ways to choose n of k, with repetition
+        exponent = float(abs(expression.exp.as_coeff_Add()[0]))
+        if counts[0] > 1 and exponent > TERMS_ALLOWED:
+            return math.inf
+        n, k = int(exponent), int(counts[0])
+        return max(largest, float(math.comb(n + k - 1, n))) if k > 1 else largest
+    return largest
+
+
 def checked_size(expression: Any) -> Any:
     """The expression itself; ExpressionError where a derivative has become too long."""
     if expression.count_ops() > STEPS_ALLOWED:
@@ -158,6 +192,8 @@ class _Walk:
             return self.kept(node, left / right)
         if left.is_number and right.is_number:
             return self.power(node, float(left), float(right))
+        if left.is_number and not left > 0:
+            self.fail(node, f"{shown(ast.unparse(node))}: a power that varies needs a base above 0")
         return self.kept(node, left**right)
 
     def power(self, node: ast.AST, base: float, exponent: float) -> Any:

@@ -11,6 +11,8 @@ from typing import Any
 import sympy
 
 from mpp_taichi.arithmetic.point_function import POINTS
+from mpp_taichi.scene.expressions import ExpressionError
+from mpp_taichi.scene.faults import shown
 from mpp_taichi.scene.formulas.point_value import PointValue, parts_of
 
 MOST_FACTORS = 64  # of a power to a whole number, which is computed by products
@@ -60,7 +62,7 @@ class Lowering:
 
     def _new(self, expression: Any) -> int:
         if expression.is_number:
-            return self._number(float(expression))
+            return self._number(_real(expression))
         if expression.is_Symbol:
             return self.step("name", expression.name)
         if expression.is_Add:
@@ -101,7 +103,7 @@ class Lowering:
         coefficient = 1.0
         for factor in sorted(_without_sign(expression.args), key=lambda each: (self.varies(each), each.sort_key())):
             if factor.is_number:
-                coefficient *= float(factor)
+                coefficient *= _real(factor)
             elif self.varies(factor) and _is_quotient(factor) and not self.is_inverted(factor):
                 below.append(self.lower(factor.base**-factor.exp))
             else:
@@ -159,11 +161,21 @@ class Lowering:
             return self.step("chosen", self.lower(arguments[0]), self._number(1.0), self._number(0.0))
         if kind is sympy.DiracDelta:  # of a kink, which is one point
             return self._number(0.0)
-        raise TypeError(f"no step for {kind}")
+        raise ExpressionError(
+            f"the formula, or a derivative of it, needs {shown(kind.__name__)}, which cannot be computed here"
+        )
 
     def _extreme(self, largest: bool, a: int, b: int) -> int:
         difference = self.step("-", a, b) if largest else self.step("-", b, a)
         return self.step("chosen", difference, a, b)
+
+
+def _real(value: Any) -> float:
+    """A number as a float."""
+    try:
+        return float(value)
+    except TypeError:
+        raise ExpressionError(f"a derivative of the formula has the number {shown(str(value))}, which is not real") from None
 
 
 def _without_sign(factors: Sequence[Any]) -> Sequence[Any]:

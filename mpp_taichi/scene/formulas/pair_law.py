@@ -17,10 +17,11 @@ import sympy
 
 from mpp_taichi.scene.expressions import Expression, ExpressionError
 from mpp_taichi.scene.formulas.array_steps import ArrayArithmetic
-from mpp_taichi.scene.formulas.grammar import checked_size, is_short, kinks, meaning, split_numbers, symbolic, tidy
+from mpp_taichi.scene.formulas.grammar import checked_size, is_short, is_zero, kinks, meaning, split_numbers, symbolic, tidy
 from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram, with_numbers
 from mpp_taichi.scene.formulas.rounding_steps import ROUNDINGS_OF_QUOTIENT, Rounded, RoundingArithmetic
+from mpp_taichi.scene.formulas.time_limit import in_time
 
 DISTANCE = "r"
 QUANTITIES = {"m": "mass", "q": "charge", "R": "radius"}
@@ -111,6 +112,7 @@ def pair_law(text: str, fixed: Meanings, live: tuple[str, ...], cutoff: str | No
 
 
 @lru_cache(maxsize=256)
+@in_time
 def _derived(text: str, exponents: Meanings, names: tuple[str, ...], cutoff: str | None) -> PairLaw:
     """The law with numbers for `exponents` alone, so that scenes that differ in other numbers share the derivatives."""
     expression = parsed(text, exponents)
@@ -182,7 +184,7 @@ def _separated(potential: Any, expression: Expression) -> tuple[Any, Any]:
         else:
             factors[of.index(True)] *= each
     one, other = (_of_any(each, end) for each, end in zip(factors, (1, 2), strict=True))
-    if one != other and sympy.expand(one - other) != 0:
+    if one != other and not is_zero(one - other):
         raise ExpressionError(
             f"{sympy.sstr(factors[0])} of the first particle is not {sympy.sstr(factors[1])} of the second: the forces would "
             "not be opposite; must be the same function of both"

@@ -17,6 +17,7 @@ from mpp_taichi.scene.formulas.external_law import LawError
 from mpp_taichi.scene.formulas.grammar import checked_size, meaning, symbolic, tidy
 from mpp_taichi.scene.formulas.meanings import Meanings, parsed
 from mpp_taichi.scene.formulas.program import StepProgram
+from mpp_taichi.scene.formulas.time_limit import in_time
 
 TIME = "t"
 
@@ -80,6 +81,7 @@ def path_law(texts: Sequence[Any]) -> PathLaw:
 
 
 @lru_cache(maxsize=1024)
+@in_time
 def _derived(texts: tuple[tuple[str, Meanings], ...]) -> PathLaw:
     time = sympy.Symbol(TIME, real=True)
     places, velocities, pushes = [], [], []
