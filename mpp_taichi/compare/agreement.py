@@ -55,16 +55,17 @@ class Agreement:
         usual = min(self._usual_steps(), most_steps or USUAL_STEPS**3)
         share = self._once("seconds for the reference", lambda: max(0.0, NUMPY_SHARE * (end - self._budget.spent)))
         looks = self._once("looks at the reference", lambda: self._looks_in_numpy(usual, share))
-        course = None
-        if looks:
-            self._tell(f"following the reference for {looks[-1]:,} steps")
-            course = judge.follow(precisions, looks)
         found = self._gather_all(rows, looks, share)
+        courses: dict[bool, ReferenceCourse] = {}
+        for turns in {judge.turns(row.backend, row.precision) for row in found} if looks else ():
+            self._tell(f"following the reference for {looks[-1]:,} steps")
+            courses[turns] = judge.follow(precisions, looks, turns=turns)
         findings: dict[BackendRow, list[Finding]] = {}
         for row, evidence in found.items():
             self._tell(f"judging {row.name}")
             has_forces = len(evidence.position) > 0 and judge.force_refusal is None
             findings[row] = judge.forces(evidence, row.precision) if has_forces else []
+            course = courses.get(judge.turns(row.backend, row.precision))
             if course is not None:
                 findings[row] += course.findings(evidence, row.precision)
                 row.certificate |= course.looks(evidence, row.precision)
@@ -123,8 +124,8 @@ class Agreement:
         end: float,
     ) -> None:
         """Compare longer trajectories, or trajectories of other methods, with the fastest backend of exact f64 forces."""
-        spec = self.judge.spec
-        refused = self.judge.step_refusal
+        judge, spec = self.judge, self.judge.spec
+        refused = judge.step_refusal
         plain = component.declaration("integrators", spec.integrator.name).base in PLAIN_STEPS
         # A tolerance decides which nodes a tree opens, and rounding may change the decision.
         plain = plain and all(force.parameters.get("solver", DIRECT) == DIRECT for force in spec.forces)
@@ -151,6 +152,9 @@ class Agreement:
         if course is None:
             return
         for row in found:
+            if judge.turns(row.backend, row.precision) != judge.turns(base.backend, base.precision):
+                self._reasons.setdefault(row, f"Vulkan has no sines in f64: its kicks are not those of {base.name}")
+                continue
             mine = affordable(looks, row, left / 2 / len(found))
             if row is base or not mine or mine[-1] <= self.steps:
                 continue

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.compare import numpy_reference, numpy_steps, tree_forces
 from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Finding, ReferenceCourse, ratios
 from mpp_taichi.compare.evidence import Evidence, shaken
@@ -52,8 +53,14 @@ class Judge:
         self.free[:, spec.dimensions :] = 0.0
         self.size = size_of(start.position)
         self.course: ReferenceCourse | None = None
+        splits = component.declaration("integrators", spec.integrator.name).base == "Splitting"
+        self._turns = splits and numpy_reference.only_turns(spec, start.springs.damping)
         tree = tree_of(spec)
         self.tree_accuracy = None if tree is None else float(tree.parameters["accuracy"] or DEFAULT_ACCURACY)
+
+    def turns(self, backend: str, precision: str) -> bool:
+        """Whether kicks of a backend turn the velocity in closed form, for which Vulkan has no sines in f64."""
+        return self._turns and (backend, precision) != ("vulkan", "f64")
 
     def states(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """The states at which forces are compared; see STATES."""
@@ -165,8 +172,11 @@ class Judge:
                 return seen[0]
         return max(seen[1] - seen[0], CLOCK_GRAIN) / TRIAL_STEPS
 
-    def follow(self, precisions: Sequence[str], looks: Sequence[int]) -> ReferenceCourse:
-        """Run the reference, once with the numbers of each precision, and its copies beside it."""
+    def follow(self, precisions: Sequence[str], looks: Sequence[int], *, turns: bool = True) -> ReferenceCourse:
+        """Run the reference, once with the numbers of each precision, and its copies beside it.
+
+        Without `turns`, kicks solve forces that turn the velocity to the order of the method.
+        """
         random = np.random.default_rng(1)
         method = self.spec.integrator.name
         given = bodies(self.start, self.spec.dimensions, (*precisions, "f64"))
@@ -185,7 +195,7 @@ class Judge:
         noise = Noise(*(np.concatenate([still, count * sign]) for count, sign in zip(times, signs)))
         dt = np.full(len(places), self.dt)
         dt[-COPIES:] *= 1.0 + 2.0 * AMPLITUDE * random.choice((-1.0, 1.0), COPIES)
-        steps = NumpySteps(reference, method, dt, noise)
+        steps = NumpySteps(reference, method, dt, noise, turns=turns)
         steps.start(places, speeds)
         return self._course(steps, precisions, looks)
 

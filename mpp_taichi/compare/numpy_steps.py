@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.compare.numpy_reference import DIRECT, NumpyForces
+from mpp_taichi.compare.numpy_reference import DIRECT, NumpyForces, norm, only_turns
 from mpp_taichi.scene.spec import SceneSpec
 
 CUBE_ROOT = 2.0 ** (1.0 / 3.0)
@@ -64,9 +64,15 @@ def refusal(spec: SceneSpec) -> str | None:
 class NumpySteps:
     """Copies of a scene that are stepped together; `dt` has one entry for each copy."""
 
-    def __init__(self, reference: NumpyForces, method: str, dt: np.ndarray, noise: "Noise | None" = None) -> None:
-        """Bind the forces, the method and the steps."""
+    def __init__(
+        self, reference: NumpyForces, method: str, dt: np.ndarray, noise: "Noise | None" = None, *, turns: bool = True
+    ) -> None:
+        """Bind the forces, the method and the steps.
+
+        With `turns`, kicks solve forces that only turn the velocity in closed form, as devices do that have sines.
+        """
         self.reference, self.method, self.noise = reference, method, noise
+        self.turns = turns and only_turns(reference.spec, reference.bodies.damping)
         self.dt = np.asarray(dt, float)[:, None, None]
         self.position = self.velocity = np.zeros((0, 0, 3))
         self._force: np.ndarray | None = None
@@ -103,6 +109,9 @@ class NumpySteps:
             self.velocity = self.velocity + h * self._force
             return
         first, steady = self.velocity, self._force
+        if self.turns:
+            self.velocity = first + self._turned(h, steady + self.reference.friction(self.position, first))
+            return
 
         def slope(velocity: np.ndarray) -> np.ndarray:
             return steady + self.reference.friction(self.position, velocity)
@@ -117,6 +126,28 @@ class NumpySteps:
             k3 = slope(first + 0.5 * h * k2)
             k4 = slope(first + h * k3)
             self.velocity = first + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+    def _turned(self, h: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """The change of the velocity over h by v' = A + v × Ω, which is `start` at first.
+
+        Along the unit vector n of Ω it is h a, and across n it is (sin ωh)/ω a + (1 − cos ωh)/ω a × n, with a = A + v × Ω and
+        ω = |Ω|. Ω is read from the forces at the velocities e_x and e_y, on axes that are not held.
+        """
+        free = self.reference.bodies.free
+        rest = self.reference.friction(self.position, np.zeros_like(start))
+        along_x, along_y = (
+            self.reference.friction(self.position, np.zeros_like(start) + unit * free) - rest for unit in np.eye(3)[:2]
+        )
+        turn = np.stack([-along_y[..., 2], along_x[..., 2], along_y[..., 0]], axis=-1)
+        rate = norm(turn)[..., None]
+        turns = rate > 0.0
+        safe = np.where(turns, rate, 1.0)
+        axis = turn / safe
+        along = axis * np.sum(axis * start, axis=-1, keepdims=True)
+        across = start - along
+        by_sine = np.where(turns, np.sin(rate * h) / safe, h)
+        by_cosine = np.where(turns, 2.0 * np.sin(0.5 * rate * h) ** 2 / safe, 0.0)
+        return np.asarray(h * along + by_sine * across + by_cosine * np.cross(across, axis))
 
     def _runge_kutta(self) -> None:
         """Kutta, Z. Math. Phys. 46 (1901) 435."""
