@@ -18,7 +18,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -227,8 +227,12 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
     if not (isinstance(call.func, ast.Name) and call.func.id == "param" and isinstance(statement.target, ast.Name)):
         return None
     annotation = ast.unparse(statement.annotation)
+    place = f"line {statement.lineno}: parameter {statement.target.id}"
     if annotation not in PARAMETER_TYPES:
-        raise TypeError(f"parameter {statement.target.id}: type {annotation} is none of {', '.join(PARAMETER_TYPES)}")
+        raise TypeError(f"{place}: type {annotation} is none of {', '.join(PARAMETER_TYPES)}")
+    known = [each.name for each in fields(Parameter) if each.name not in ("name", "type", "default")]
+    if unknown := [each.arg for each in call.keywords if each.arg not in known]:
+        raise TypeError(f"{place}: param knows no {unknown[0]}, but {', '.join(known)}")
     keywords = {keyword.arg: _literal(keyword.value) for keyword in call.keywords if keyword.arg}
     default = _literal(call.args[0]) if call.args else REQUIRED
     return Parameter(name=statement.target.id.removesuffix("_"), type=annotation, default=default, **keywords)

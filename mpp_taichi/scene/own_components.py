@@ -7,6 +7,7 @@ the rules of component.py. Processes that a run starts find the folders by the e
 import ast
 import inspect
 import os
+import sys
 import tempfile
 import textwrap
 from collections.abc import Callable
@@ -28,9 +29,6 @@ from mpp_taichi.component import Particles, Vector, component, param
 from mpp_taichi.forces._base import ExternalForce, PairForce
 from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
-
-
-@component
 '''
 MODULES = ("math", "np", "numpy", "ti")
 """Modules whose functions a function that is a formula may call; the formula has them by their names alone."""
@@ -132,6 +130,22 @@ class _Bare(ast.NodeTransformer):
         return node
 
 
+def _taken_from_script(made: type, text: str) -> list[str]:
+    """Lines that define the names of its script which a class uses: what the script has imported, and its numbers."""
+    script, lines = vars(sys.modules[made.__module__]), []
+    for name in sorted({node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)} & set(script)):
+        value = script[name]
+        if inspect.ismodule(value):
+            lines.append(f"import {value.__name__} as {name}\n")
+        elif isinstance(value, (bool, int, float, str)):
+            lines.append(f"{name} = {value!r}\n")
+        else:
+            home, known = getattr(value, "__module__", None), getattr(value, "__name__", "")
+            if home in sys.modules and home != made.__module__ and getattr(sys.modules[home], known, None) is value:
+                lines.append(f"from {home} import {known} as {name}\n")
+    return lines
+
+
 _scripts: list[Any] = []  # the folder with the classes of this process, which goes away with it
 
 
@@ -139,6 +153,10 @@ def _of_class(made: type) -> type:
     name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in made.__name__).lstrip("_")
     if component.class_name_of(name) != made.__name__:
         raise ComponentError(f"{made.__name__} is no name of a force, such as {component.class_name_of(name)}")
+    if not any(base.__module__.startswith("mpp_taichi.forces") for base in made.__mro__):
+        raise ComponentError(
+            f"{made.__name__} is no force, must be made of PairForce or ExternalForce, of mpp_taichi.forces._base"
+        )
     if not _scripts:
         _scripts.append(tempfile.TemporaryDirectory(prefix="mpp_taichi_forces_"))
     folder = Path(_scripts[0].name)
@@ -146,7 +164,9 @@ def _of_class(made: type) -> type:
     begin = next(k for k, line in enumerate(lines) if line.startswith("class "))
     file = folder / "forces" / f"{name}.py"
     file.parent.mkdir(exist_ok=True)
-    file.write_text(_HEADER + "\n".join(lines[begin:]) + "\n", encoding="utf-8")
+    text = "\n".join(lines[begin:])
+    head = [_HEADER, *_taken_from_script(made, text), "\n\n@component\n"]
+    file.write_text("".join(head) + text + "\n", encoding="utf-8")
     component.forget(file)
     add_components(folder)
     return component.load("forces", name)

@@ -136,6 +136,63 @@ if __name__ == "__main__":
     assert other == "True"
 
 
+def test_a_class_that_is_no_force_is_refused():
+    class Nothing:
+        pass
+
+    with pytest.raises(mpp.ComponentError, match="Nothing is no force, must be made of PairForce or ExternalForce"):
+        mpp.force(Nothing)
+
+
+DRAG = """
+import sys
+
+import taichi as ti
+
+import mpp_taichi as mpp
+from mpp_taichi.arithmetic import force_numbers as numbers
+from mpp_taichi.arithmetic.force_numbers import root as square_root
+from mpp_taichi.component import param
+from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.types import Template
+
+SHARE = 0.5
+
+
+@mpp.force
+class Roughness(ExternalForce):
+    coefficient: float = param(1.0, strength=True, unit="mass length⁻¹", help="c")
+    needs = frozenset({"mass"})
+    conserves_energy = False
+    depends_on_velocity = True
+
+    @ti.func
+    def accelerate(self, state: Template, i, velocity, time):
+        speed = square_root(velocity.dot(velocity))
+        return -(SHARE * numbers.parameter(state, self.coefficient) * speed / state.mass[i]) * velocity
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        return ti.cast(0.0, state.wide)
+
+
+body = {"body": {"mass": 1, "position": [0, 0, 0], "velocity": [2, 0, 0]}}
+scene = {"particles": [body], "forces": ["roughness"], "integrator": {"rk4": {"dt": 0.01}}}
+with mpp.Simulation(scene, backend="cpu", precision="f64") as simulation:
+    simulation.run(duration=3.0)
+    print(simulation.snapshot().velocity[0, 0])
+"""
+
+
+def test_a_class_of_a_script_knows_what_the_script_imports_and_its_numbers(own, tmp_path):
+    """The law v' = −c v²/2 gives v = v₀/(1 + c v₀ t/2) = 2/(1 + 3); rk4 errs by some dt⁴ = 1e-8."""
+    script = tmp_path / "drag.py"
+    script.write_text(DRAG)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.strip().splitlines()[-1]) == pytest.approx(0.5, abs=1e-8)
+
+
 def run_command(*words):
     command = [sys.executable, "-m", "mpp_taichi", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
@@ -159,7 +216,11 @@ def test_the_option_of_every_verb(own, tmp_path):
         (HARMONIC.replace("class Harmonic", "class Harmony"), "no class Harmonic marked @component"),
         (HARMONIC.replace("@component", ""), "no class Harmonic marked @component"),
         (HARMONIC.replace("class Harmonic(PairForce):", "class Harmonic(PairForce)"), "harmonic.py:9: expected ':'"),
-        (HARMONIC.replace("stiffness: float", "stiffness: real"), "type real is none of float"),
+        (HARMONIC.replace("stiffness: float", "stiffness: real"), r"line \d+: parameter stiffness: type real is none of float"),
+        (
+            HARMONIC.replace("slider=", "slyder="),
+            r"line \d+: parameter stiffness: param knows no slyder, but unit, help, minimum",
+        ),
         (HARMONIC.replace("param(1.0", "param(2**3"), r"line \d+: 2 \*\* 3 must be written out, as a number, a text or None"),
         (HARMONIC.replace("import taichi as ti", "import taichi as ti\nimport nowhere"), "harmonic.py:3: ModuleNotFoundError"),
         (HARMONIC.replace("return inverse_distance /", "return nonsense /"), r"harmonic.py:\d+: .*nonsense"),
