@@ -151,6 +151,10 @@ def _bond_faults(entry: Any, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     if not len(snapshot.springs):
         yield entry.location, f"{entry.label}: acts along springs, and this scene has none; list them under springs:"
         return
+    group, between = entry.parameters["of"], snapshot.springs.between
+    if group is not None and not (is_in(group, between[:, 0]) & is_in(group, between[:, 1])).any():
+        yield entry.location, f"{entry.label}: no spring is between two particles of its group, so that it would act on none"
+        return
     rest, length, which = bonds(entry, snapshot)
     law, values = entry.law, values_of(entry)
     energy, shape = (law.at(name, length, rest, values) for name in ("energy", "shape"))

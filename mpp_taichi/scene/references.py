@@ -110,8 +110,11 @@ class _Finder:
             elif parameter.type == "Particles" and value is not None:
                 found[parameter.name] = self.group(value, (*path, parameter.name))
             elif parameter.type == "Groups" and value is not None:
-                ends = (self.group(each, (*path, parameter.name, end)) for end, each in enumerate(value))
-                found[parameter.name] = tuple(ends)
+                ends = tuple(self.group(each, (*path, parameter.name, end)) for end, each in enumerate(value))
+                if ends[0] is not None and ends[0] == ends[1] and ends[0][1] == 1:
+                    told = f"both are {self.layout.label(ends[0][0])}, which makes no pair, must be two particles or groups"
+                    self.fault((*path, parameter.name, 1), told)
+                found[parameter.name] = ends
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))

@@ -222,3 +222,9 @@ def test_plans_give_the_same_bits_between_groups():
             simulation.run(steps=30)
             ends.append(simulation.snapshot().position.tobytes())
     assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_particle_makes_no_pair_with_itself(law):
+    with pytest.raises(SceneError, match=r"between\[1\]: both are particle 1 \(g\[1\]\), which makes no pair"):
+        load_scene(scene_of(LAWS[law], ("g[1]", "g[1]")))

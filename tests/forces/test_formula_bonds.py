@@ -129,6 +129,13 @@ def test_faults_are_told(bond, told):
         pass
 
 
+def test_a_group_without_springs_is_refused():
+    scene = chain({"potential": "l^2", "of": "alone"})
+    scene["particles"] = [*scene["particles"], {"body": {"name": "alone", "mass": 1, "position": [9, 9, 9]}}]
+    with pytest.raises(SceneError, match="bond: no spring is between two particles of its group"):
+        Simulation(scene, backend="cpu")
+
+
 def test_without_springs_there_is_nothing_to_act_on():
     with pytest.raises(SceneError, match="bond: acts along springs, and this scene has none"):
         Simulation({**chain({"potential": "l^2"}), "springs": []}, backend="cpu")
