@@ -184,6 +184,9 @@ def canonical(scene: Any, text: str) -> tuple[Any, ...]:
             if len(named) == 1:
                 steps.insert(0, str(step))
                 step = named[0]
+            elif not named and steps and len(called := list(_called(str(step), scene))) == 1:
+                step, kind = called[0]
+                steps = steps if steps[0] == kind else [kind, *steps]
             if not str(step).isdigit() or int(step) >= len(scene):
                 return ()
             step = int(step)
@@ -196,6 +199,15 @@ def canonical(scene: Any, text: str) -> tuple[Any, ...]:
             return ()
         found.append(step)
     return tuple(found)
+
+
+def _called(name: str, entries: Sequence[Any]) -> Iterator[tuple[int, str]]:
+    """Number and component of each entry of a list whose `name:` this is."""
+    for number, entry in enumerate(entries):
+        if isinstance(entry, Mapping) and len(entry) == 1:
+            ((kind, body),) = entry.items()
+            if isinstance(body, Mapping) and body.get("name") == name:
+                yield number, kind
 
 
 def entry_of(spec: SceneSpec, target: SliderTarget) -> ComponentSpec:

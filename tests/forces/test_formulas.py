@@ -290,6 +290,16 @@ def test_sliders_move_the_numbers_of_formulas():
     assert np.abs(found - end_of("leapfrog", 0.01, backend="cpu")).max() > 0.1
 
 
+@pytest.mark.parametrize(
+    "path", ["forces.second.parameters.k", "forces.second.pair.parameters.k", "forces[1].pair.parameters.k"]
+)
+def test_a_slider_finds_a_formula_by_its_name(path):
+    forces = [{"pair": {"name": name, "potential": "-k*m1*m2/r", "parameters": {"k": 1}}} for name in ("first", "second")]
+    method = {"leapfrog": {"dt": 0.01}}
+    spec = load_scene({**THREE, "integrator": method, "forces": forces, "sliders": [{"set": path, "from": 1, "to": 2}]})
+    assert [entry.live for entry in spec.forces] == [(), ("parameters.k",)]
+
+
 def test_a_timeline_changes_numbers_of_formulas():
     event = {"at": 1.0, "set": {"forces.external.parameters.w": 1.6}}
     changed = end_of("leapfrog", 0.01, {**THREE, "timeline": [event]}, backend="cpu")
