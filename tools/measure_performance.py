@@ -1,10 +1,12 @@
 """All speed benchmarks in turn, and docs/performance.md from what they found.
 
     python tools/measure_performance.py [--short] [--only pairs springs …] [--keep] [--folder out/performance] [--page FILE]
+    python tools/measure_performance.py --limits [--page FILE]
 
 Each runs as a process of its own and writes JSON into the folder; `--keep` takes those that are there already. `--short` sees
-that all of it works, with few sizes and repeats, and writes no page unless one is named. The whole takes about half an hour
-on two cores. The exit code is 1 where a benchmark failed; a bar that is missed is a line of the page.
+that all of it works, with few sizes and repeats, and writes no page unless one is named. `--limits` measures nothing: it takes
+over what is written by hand of the limits into the page, whose tables stay. The whole takes about half an hour on two cores.
+The exit code is 1 where a benchmark failed; a bar that is missed is a line of the page.
 """
 
 import argparse
@@ -16,7 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
 
-from performance_page import page  # noqa: E402
+from performance_page import page, with_new_limits  # noqa: E402
 
 PAGE = ROOT / "docs" / "performance.md"
 RUNS = {  # name: arguments, and those of --short
@@ -67,8 +69,13 @@ def main():
     parser.add_argument("--only", nargs="+", choices=list(RUNS), default=list(RUNS))
     parser.add_argument("--keep", action="store_true", help="do not repeat what is in the folder")
     parser.add_argument("--folder", type=Path, default=ROOT / "out" / "performance")
+    parser.add_argument("--limits", action="store_true", help="measure nothing, and renew the limits that are written by hand")
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
+    if options.limits:
+        target = options.page or PAGE
+        target.write_text(with_new_limits(target.read_text(encoding="utf-8")), encoding="utf-8")
+        return 0
     options.folder.mkdir(parents=True, exist_ok=True)
     found, commands, failed = {}, {}, []
     for name, arguments in RUNS.items():

@@ -1,5 +1,6 @@
 """docs/performance.md holds the results of the benchmarks: correct ratios, also slower runs, no column for missing programs."""
 
+import re
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ from conftest import ROOT
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tools" / "benchmarks")]
 
 import measure_performance  # noqa: E402
-from performance_page import duration, page, ratio, size  # noqa: E402
+from performance_page import BARS, LIMITS, duration, page, ratio, size, with_new_limits  # noqa: E402
 
 MACHINE = {"processor": "Abacus", "threads": 2, "system": "Beads", "taichi": "1.7.4", "numpy": "2.4", "python": "3.11"}
 
@@ -75,6 +76,26 @@ def test_a_backend_that_is_missing_is_a_row_with_the_reason(lines):
     assert "| cuda |  | missing |  |  |  | no driver |  |" in lines
     assert "**Not run on a GPU.**" in lines  # a software driver is none
     assert "The machine was busy." in lines
+
+
+def test_the_page_says_what_was_tried_for_each_goal_and_what_limits_it():
+    assert LIMITS in (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    summary, *attempts = re.split(r"^### ", LIMITS, flags=re.M)
+    tried = {text.splitlines()[0].lower().replace(" ", "-"): text.count("\n| ") - text.count("\n|---") for text in attempts}
+    goals = [row.strip("| ").split(" | ") for row in summary.splitlines() if row.startswith("| ")][1:]
+    assert len(goals) > 10
+    for goal in goals:
+        anchor = re.search(r"\(#([\w-]+)\)", goal[0])
+        assert goal[1] and (anchor is None or tried[anchor[1]] >= 2), goal[0]
+
+
+def test_limits_are_renewed_without_a_change_of_the_measured_tables():
+    whole = page(FOUND, COMMANDS)
+    assert with_new_limits(whole) == whole
+    assert with_new_limits(whole.replace(LIMITS.strip(), LIMITS.splitlines()[0] + "\n\nOld text.")) == whole
+    without = whole.replace(LIMITS.strip() + "\n\n", "")
+    assert LIMITS.splitlines()[0] not in without and BARS in without
+    assert with_new_limits(without) == whole
 
 
 def test_numbers_are_printed_with_few_digits():

@@ -1,11 +1,19 @@
-"""Writes docs/performance.md from the results of the benchmarks: tables of ratios, all bars, and the machine."""
+"""Writes docs/performance.md from the results of the benchmarks: tables of ratios, all bars, and the machine.
+
+What was tried for each goal, and what limits it, is written by hand in performance_limits.md beside this file and taken over as
+it is. Its links are relative to docs/.
+"""
+
+from pathlib import Path
 
 INTRODUCTION = """\
 # Performance
 
-One command measured every number of this page, and wrote the page:
+One command measured the numbers of all tables of results, and wrote the page:
 
     python tools/measure_performance.py
+
+Only the section [What was tried, and what limits it](#what-was-tried-and-what-limits-it) is written by hand.
 
 A column "speed ÷ X" is the speed of this program divided by the speed of the program X on the same machine. The two programs
 are measured in alternation in one run, and the number is a ratio of medians. Above 1, this program is faster. A program that is
@@ -30,6 +38,9 @@ it on the backends of a CPU (`--backends cpu --short`). These commands compare b
     python -m mpp_taichi accuracy scenes/cluster.yaml --backends cuda --precisions f64,ds,f32c,f32
 """
 
+LIMITS = Path(__file__).with_name("performance_limits.md").read_text(encoding="utf-8")
+BARS = "## Bars"
+
 
 def page(found, commands):
     """The text of the page. `found` maps the name of a benchmark to its results, and `commands` maps it to its command line."""
@@ -41,8 +52,15 @@ def page(found, commands):
     parts += [_comparison(each, commands[f"compare {each['scene']}"]) for each in comparisons]
     on_gpu = any(row["status"] == "ok" and not row["on_processor"] for each in comparisons for row in each["rows"])
     parts.append(GPU.format(sentence="The rows of the GPU are in the tables above." if on_gpu else "**Not run on a GPU.**"))
-    parts.append(_bars(found))
+    parts += [LIMITS, _bars(found)]
     return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def with_new_limits(text):
+    """A page whose measured tables stay, with the section that is written by hand as it is in its file now."""
+    measured, bars = text.split(f"\n{BARS}\n")
+    measured = measured.partition(f"\n{LIMITS.splitlines()[0]}\n")[0]
+    return f"{measured.rstrip()}\n\n{LIMITS.strip()}\n\n{BARS}\n{bars}"
 
 
 def table(head, rows):
@@ -268,4 +286,4 @@ def _bars(found):
     ]
     held = sum(row[-1] == "held" for row in rows)
     head = ["benchmark", "bar", "limit", "measured", "result"]
-    return f"## Bars\n\n{held} of {len(rows)} results keep their limit.\n\n{table(head, rows)}"
+    return f"{BARS}\n\n{held} of {len(rows)} results keep their limit.\n\n{table(head, rows)}"
