@@ -151,6 +151,11 @@ class BondForce(Force):
     The part that depends on velocity, `friction`, is linear in the velocity of j relative to i.
     """
 
+    @property
+    def fits_slices(self) -> bool:
+        """Whether device/fast_taichi/spring_lanes.c sums this force."""
+        return False
+
     @ti.func
     def force(self, state: Template, i, j, h):
         """Force on particle i from the half-spring h that leads to j."""

@@ -17,6 +17,7 @@ from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.arithmetic.particle_update import separation, velocity_seen
 from mpp_taichi.arithmetic.point_lookup import provide
 from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.forces._row_sum import row_sum
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.scene.formulas.path_law import TIME, PathLaw
 from mpp_taichi.scene.formulas.program import points_of
@@ -80,7 +81,7 @@ class DrivenBodies:
                 for k in ti.static(range(state.dimensions)):
                     result[k] += wide_number(state, mass[i]) * wide_number(state, felt[k])
         for bond in ti.static(total_force.bonds):
-            pull = total_force.row_sum(state, 0, i, bond, False)
+            pull = row_sum(state, 0, i, bond, False)
             for k in ti.static(range(state.dimensions)):
                 result[k] += wide_number(state, pull[k])
         if ti.static(total_force.has_pairs):

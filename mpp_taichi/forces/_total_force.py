@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.force_numbers import along_free_axes, has_plain_numbers, is_not_zero, where, wide_number, zero_vector
+from mpp_taichi.arithmetic.force_numbers import along_free_axes, is_not_zero, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
     inverse_root,
@@ -17,12 +17,10 @@ from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.forces._between import parts_of
+from mpp_taichi.forces._row_sum import row_sum
+from mpp_taichi.snapshot import Springs
 from mpp_taichi.state.half_springs import own_entry
 from mpp_taichi.types import Template
-
-# Half-springs of a particle in a vector: an SSE register in f32, two in f64; twice as many are no faster.
-ROW_LANE_BITS = 2
-ROW_LANES = 1 << ROW_LANE_BITS
 
 
 @ti.data_oriented
@@ -86,10 +84,21 @@ class TotalForce:
         self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
+        self.slices: Any = None  # SpringSlices, where the springs are summed for all particles at once
+
+    @property
+    def has_slices(self) -> bool:
+        """Whether springs are summed in slices."""
+        return self.slices is not None
+
+    def slice_loops(self, velocity_dependent: bool) -> int:
+        """Parallel loops over slices before a loop over the forces that do, or do not, depend on velocity."""
+        return int(self.slices is not None and self.slices.damped == velocity_dependent)
 
     def with_pairs_in_turn(self) -> "TotalForce":
         """The same sum for a state of dual numbers or lanes, which takes one pair after the other."""
         result = copy.copy(self)
+        result.slices = None
         if self.has_pairs:
             from mpp_taichi.neighbors.pairs_in_turn import PairsInTurn  # only where a state has such numbers
 
@@ -114,7 +123,8 @@ class TotalForce:
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """The fields that the sum needs in the state: kind and count by name."""
         owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits, *self.external)
-        return {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
+        found = {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
+        return found | (self.slices.work_fields(self.dimensions) if self.has_slices else {})
 
     @property
     def memory(self) -> tuple[str, ...]:
@@ -126,6 +136,17 @@ class TotalForce:
         """Forget what earlier sums have left."""
         if self.by_lists:
             self.pair_sum.begin(state)
+
+    def place_springs(self, state: Any, springs: Springs) -> None:
+        """Give springs with limits the lengths that they have at a start, and slices the numbers of the springs."""
+        if self.has_limits:
+            self.limits.place(state, springs)
+        self.place_slices(state, springs)
+
+    def place_slices(self, state: Any, springs: Springs) -> None:
+        """Give slices the numbers of the springs, where there are slices."""
+        if self.slices is not None:
+            self.slices.place(state, springs)
 
     def settle(self, state: Any, time: float) -> None:
         """Put the masses and charges of a time, where they change, before something is measured or a step is prepared."""
@@ -172,10 +193,21 @@ class TotalForce:
         return self.pair_sum.virial_terms(state)
 
     @ti.func
-    def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
+    def sum_slices(self, state: Template, velocity: Template, velocity_dependent: Template, elastic: Template = True):
+        """Where there are slices: sum the springs of all particles, for the loop over particles that follows.
+
+        That loop passes `sliced` to `local_acceleration` with the same `velocity_dependent`, or to `acceleration_gained` where
+        the sums have no `elastic` forces.
+        """
+        if ti.static(self.slice_loops(velocity_dependent) > 0):
+            self.slices.add_up(state, velocity, elastic, velocity_dependent)
+
+    @ti.func
+    def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template, sliced: Template = False):
         """Acceleration of particle i from the external forces and springs that do (or do not) depend on velocity.
 
-        `first` is the first particle of the replica, from which the springs count their particles.
+        `first` is the first particle of the replica, from which the springs count their particles. `sliced` says that
+        `sum_slices` has been called, so that springs in slices are not summed again.
         """
         result = zero_vector(state)
         for force in ti.static(self.external):
@@ -183,13 +215,16 @@ class TotalForce:
                 result += force.accelerate(state, i, velocity_seen(state, i), time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity == velocity_dependent):
-                result += self.row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
+                if ti.static(sliced and self.has_slices):
+                    result += self.slices.pull(state, i) * (1.0 / state.mass[i])
+                else:
+                    result += row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
         if ti.static(state.has_fixed_axes):
             result = along_free_axes(state, i, result)  # a product would give NaN for F/0 of a fixed particle
         return result
 
     @ti.func
-    def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time):
+    def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time, sliced: Template = False):
         """Change of the acceleration of particle i when all velocities change by h times the velocities of the state `slopes`.
 
         Of springs only the friction changes, which is linear in velocity and needs neither stiffness nor length.
@@ -202,60 +237,13 @@ class TotalForce:
                 result += force.accelerate(state, i, after, time) - force.accelerate(state, i, before, time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity):
-                result += self.row_sum(slopes, first, i, bond, True) * (h / state.mass[i])
+                if ti.static(sliced and self.has_slices):
+                    result += self.slices.pull(state, i) * (h / state.mass[i])
+                else:
+                    result += row_sum(slopes, first, i, bond, True) * (h / state.mass[i])
         if ti.static(state.has_fixed_axes):
             result = along_free_axes(state, i, result)
         return result
-
-    @ti.func
-    def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
-        """Force of half-spring h on particle i, or only its friction."""
-        result = zero_vector(state)
-        if ti.static(friction):
-            result += bond.friction(state, i, j, h)
-        else:
-            result += bond.force(state, i, j, h)
-        return result
-
-    @traced
-    def row_sum(self, state, first, i, bond, friction):
-        """Force on particle i from its half-springs."""
-        row = self.row_sum_in_lanes if has_plain_numbers(state) else self.row_sum_in_turn
-        return row(state, first, i, bond, friction)
-
-    @ti.func
-    def row_sum_in_lanes(self, state: Template, first, i, bond: Template, friction: Template):
-        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the remaining half-springs.
-
-        LLVM makes vector instructions of the four lanes, above all of square roots and divisions. The order of the sum depends
-        only on the row.
-        """
-        begin = state.spring_start[i - first]
-        end = state.spring_start[i - first + 1]
-        blocks = (end - begin) >> ROW_LANE_BITS
-        lanes = [ti.Vector.zero(float, ROW_LANES) for axis in ti.static(range(state.dimensions))]
-        for block in range(blocks):
-            h = begin + block * ROW_LANES
-            forces = [
-                self.half_spring(
-                    state, i, first + state.spring_neighbor[h + lane], own_entry(state, first, h + lane), bond, friction
-                )
-                for lane in ti.static(range(ROW_LANES))
-            ]
-            for axis in ti.static(range(state.dimensions)):
-                lanes[axis] += ti.Vector([forces[lane][axis] for lane in ti.static(range(ROW_LANES))])
-        total = ti.Vector([lanes[axis].sum() for axis in ti.static(range(state.dimensions))])
-        for h in range(begin + blocks * ROW_LANES, end):
-            total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)
-        return total
-
-    @ti.func
-    def row_sum_in_turn(self, state: Template, first, i, bond: Template, friction: Template):
-        """`row_sum` of numbers of any kind, one half-spring after the other."""
-        total = zero_vector(state)
-        for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
-            total += self.half_spring(state, i, first + state.spring_neighbor[h], own_entry(state, first, h), bond, friction)
-        return total
 
     @ti.func
     def accumulate(self, state: Template, first, time, shape: Template):
@@ -281,11 +269,12 @@ class TotalForce:
     def begin_sum(self, state: Template, first, time):
         """state.acceleration = external forces and springs."""
         self.look(state, first, time)
+        self.sum_slices(state, state.velocity, False)
         for i in range(first, first + self.particle_count):
             if ti.static(self.has_pairs_alone):
                 put_vector(state.acceleration, i, zero_vector(state))
             else:
-                state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+                state.acceleration[i] = self.local_acceleration(state, first, i, time, False, True)
             if ti.static(self.derivatives > 0):
                 jerk, snap = self.local_derivatives(state, first, i, time)
                 state.jerk[i] = jerk

@@ -41,6 +41,11 @@ class Spring(BondForce):
         """Only without damping."""
         return self.damping == "none"
 
+    @property
+    def fits_slices(self) -> bool:
+        """Unless damping acts across the axis as well."""
+        return self.damping != "full"
+
     @ti.func
     def force(self, state: Template, i, j, h):
         """Force on particle i from the half-spring h that leads to j.

@@ -52,6 +52,7 @@ class Integrator:
     takes_rods           keeps the lengths of rigid rods, and its order with them
     takes_paths          puts bodies on given paths where they are after each of its drifts, and keeps its order with them
     takes_limits         evaluates the forces at places of the motion only, so that springs may break or yield there
+    sums_slices          sums springs in slices before its loops over particles (TotalForce.sum_slices)
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
     orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
@@ -100,6 +101,7 @@ class Integrator:
     takes_rods = False
     takes_paths = False
     takes_limits = False
+    sums_slices = False
     takes_any_numbers = False
     takes_tangent = False
     follows_deviation = False

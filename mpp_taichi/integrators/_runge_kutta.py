@@ -71,6 +71,7 @@ class RungeKutta(Integrator):
     can_use_tree = True
     takes_low_parts = True
     takes_any_numbers = True
+    sums_slices = True
     launchers = Launchers(vectors=True)
     typical_evaluations = 2
 
@@ -109,8 +110,8 @@ class RungeKutta(Integrator):
         return stage
 
     def loops(self, k: int, total_force: Any) -> int:
-        """One loop keeps the start; every other stage has a loop for the slope and a loop for the move."""
-        return 1 if k == 0 else 2
+        """One loop keeps the start; every other stage has a loop for the slope, one for the move, and one for damped slices."""
+        return 1 if k == 0 else 2 + total_force.slice_loops(True)
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
@@ -127,6 +128,7 @@ class RungeKutta(Integrator):
                     state.scratch[slopes + 4][i] = state.position_rest[i]
                     state.scratch[slopes + 5][i] = state.velocity_rest[i]
         else:
+            total_force.sum_slices(state, state.velocity, True)
             for i in range(first, first + total_force.particle_count):
                 slope = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
                 put_vector(state.scratch[1 + k], i, slope)
@@ -134,12 +136,15 @@ class RungeKutta(Integrator):
 
     @ti.func
     def slope(self, state: Template, total_force: Template, first, i, time):
-        """Acceleration of particle i by all forces; the forces that do not depend on velocity have been summed already."""
+        """Acceleration of particle i by all forces.
+
+        The forces that do not depend on velocity, and springs in slices, have been summed already.
+        """
         result = zero_vector(state)
         if ti.static(total_force.has_velocity_independent):
             result = result + vector_at(state.acceleration, i)
         if ti.static(total_force.depends_on_velocity):
-            result = result + total_force.local_acceleration(state, first, i, time, True)
+            result = result + total_force.local_acceleration(state, first, i, time, True, True)
         return result
 
     @ti.func
@@ -150,6 +155,7 @@ class RungeKutta(Integrator):
         for c in ti.static(range(1, len(self.b) + 1)):
             if k == c:
                 node = rows[c - 1][0]
+        total_force.sum_slices(state, state.velocity, True)
         for i in range(first, first + total_force.particle_count):
             slope = self.slope(state, total_force, first, i, time + dt * node)
             for c in ti.static(range(1, len(self.b) + 1)):

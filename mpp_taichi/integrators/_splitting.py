@@ -8,38 +8,13 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import copied, zero_vector
 from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, step_number
-from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._splitting_table import KICK_METHODS, without_rounding
 from mpp_taichi.integrators._turning import only_turns, turned_acceleration
 from mpp_taichi.types import Template
 
-# How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
-KICK_METHODS = {
-    1: _runge_kutta.EULER,
-    2: _runge_kutta.MIDPOINT,
-    3: _runge_kutta.HEUN3,
-    4: _runge_kutta.CLASSICAL,
-    6: _runge_kutta.taylor(6),
-    8: _runge_kutta.taylor(8),
-}
 MOST_SLOPES = 16  # slopes of all damped kicks of a step in one kernel
-
-
-def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """(drifts, kicks) of drift–kick–drift leapfrogs of lengths w₁, …, w_m, …, w₁; adjacent drifts are joined.
-
-    `weights` are w₁ … w_{m−1}. The middle length is w_m = 1 − 2 (w₁ + … + w_{m−1}), so that the lengths add up to 1 exactly.
-    """
-    middle = 1.0 - 2.0 * math.fsum(weights)
-    kicks = (*weights, middle, *reversed(weights))
-    between = tuple((a + b) / 2 for a, b in zip(kicks, kicks[1:]))
-    return (kicks[0] / 2, *between, kicks[0] / 2), kicks
-
-
-def _without_rounding(number: float) -> float:
-    """The number, or 0 where it is only the rounding of a sum of coefficients."""
-    return 0.0 if abs(number) < 1e-14 else number
 
 
 class Splitting(Integrator):
@@ -67,6 +42,7 @@ class Splitting(Integrator):
     takes_rods = True
     takes_paths = True
     takes_any_numbers = True
+    sums_slices = True
     launchers = Launchers(vectors=True)
 
     @property
@@ -111,8 +87,8 @@ class Splitting(Integrator):
         parts, earlier = [], 0.0
         for number, (_node, kick, drift) in enumerate(self.entries):
             if number > 0 or self.begins_with_kick:
-                earlier = _without_rounding(kick - earlier)
-            later = _without_rounding(drift - earlier)
+                earlier = without_rounding(kick - earlier)
+            later = without_rounding(drift - earlier)
             parts.append((earlier, later) if drift != 0.0 or earlier != 0.0 else (0.0, 0.0))
             earlier = later
         return tuple(parts)
@@ -201,7 +177,10 @@ class Splitting(Integrator):
         return len(self.kick_method[1]) if total_force.depends_on_velocity and not only_turns(total_force) else 1
 
     def loops(self, k: int, total_force: Any) -> int:
-        """One loop for kick and drift, or for each slope of a damped kick; one more for a drift that waits for all kicks."""
+        """One loop for kick and drift, or for each slope of a damped kick; one more for a drift that waits for all kicks.
+
+        Before a loop that sums forces there is a loop over the slices of springs, where there are slices.
+        """
         _node, kick, drift = self.entries[k]
         if total_force.has_rods:
             slopes = self.slope_count(total_force)
@@ -212,11 +191,14 @@ class Splitting(Integrator):
         if total_force.depends_on_velocity:
             slopes = self.slope_count(total_force)
             return (
-                slopes
+                slopes * (1 + total_force.slice_loops(True))
+                + (total_force.slice_loops(False) if self.sums(k, total_force) else 0)
                 + (slopes == 1 and not only_turns(total_force))
                 + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
             )
-        return 2 if drift != 0.0 and self.sums(k, total_force) else 1
+        if not self.sums(k, total_force):
+            return 1
+        return 1 + (total_force.has_slices or drift != 0.0)
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
@@ -284,11 +266,18 @@ class Splitting(Integrator):
         """The last stage, and in the loop of its drift the opening drift of the next step."""
         node, kick, drift = ti.static(self.entries[-1])
         last = ti.static(len(self.entries) - 1)
-        if ti.static(not self.wants_sum(total_force)):
+        kicks = ti.static(total_force.has_slices and not total_force.depends_on_velocity and not self.wants_sum(total_force))
+        if ti.static(kicks):
+            total_force.look(state, first, time + node * dt)
+            total_force.sum_slices(state, state.velocity, False)
+        elif ti.static(not self.wants_sum(total_force)):
             self.kick_and_drift(state, total_force, first, time + node * dt, last, kick * dt, 0.0, True, False)
         for i in range(first, first + total_force.particle_count):
             if ti.static(self.wants_sum(total_force)):
                 kick_particle(state, i, kick * dt, 2 * last, state.acceleration[i])
+            if ti.static(kicks):
+                acceleration = total_force.local_acceleration(state, first, i, time + node * dt, False, True)
+                kick_particle(state, i, kick * dt, 2 * last, acceleration)
             drift_particle(state, i, drift * dt, 2 * last + 1)
             if opens:
                 drift_particle(state, i, self.drifts[0] * dt, 1)
@@ -314,11 +303,14 @@ class Splitting(Integrator):
         elif ti.static(total_force.depends_on_velocity):
             self.damped_kick(state, total_force, first, time, k, kick_time, sums)
         elif ti.static(sums):
+            total_force.sum_slices(state, state.velocity, False)
             for i in range(first, first + total_force.particle_count):
-                acceleration = total_force.local_acceleration(state, first, i, time, False)
+                acceleration = total_force.local_acceleration(state, first, i, time, False, True)
                 if ti.static(self.begins_with_kick):
                     state.acceleration[i] = acceleration
                 kick_particle(state, i, kick_time, 2 * k, acceleration)
+                if ti.static(drifts and total_force.has_slices):
+                    drift_particle(state, i, drift_time, 2 * k + 1)
         else:
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, kick_time, 2 * k, state.acceleration[i])
@@ -327,8 +319,12 @@ class Splitting(Integrator):
         if ti.static(total_force.has_rods):
             total_force.rods.project(state, first, state.velocity, 1.0)
         # The kicks of other particles read the positions, so the drift is a loop of its own.
-        if ti.static(drifts and (sums or total_force.depends_on_velocity)):
+        if ti.static(drifts and (self.sums_in_kick(total_force, sums) or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
+
+    def sums_in_kick(self, total_force: Any, sums: bool) -> bool:
+        """Whether the loop of a kick sums forces that read the positions of other particles."""
+        return sums and not total_force.has_slices
 
     @ti.func
     def drift(self, state: Template, total_force: Template, first, k, drift_time: Template):
@@ -339,11 +335,13 @@ class Splitting(Integrator):
     @ti.func
     def turning_kick(self, state: Template, total_force: Template, first, time: Template, stage, h: Template, sums: Template):
         """Solve v' = A + v × Ω over h at fixed positions, which is exact (see _turning.py)."""
+        if ti.static(sums):
+            total_force.sum_slices(state, state.velocity, False)
         for i in range(first, first + total_force.particle_count):
             still = zero_vector(state)
             if ti.static(total_force.has_velocity_independent):
                 if ti.static(sums):
-                    state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False)
+                    state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False, True)
                 still = state.acceleration[i] + still
             kick_particle(state, i, h, 2 * stage, turned_acceleration(state, total_force, i, time, h, still))
 
@@ -355,18 +353,24 @@ class Splitting(Integrator):
         """
         way, end = ti.static(self.kick_method)
         for s in ti.static(range(len(end))):
+            if ti.static(s > 0):
+                total_force.sum_slices(state, state.scratch[s - 1], True, False)
+            else:
+                total_force.sum_slices(state, state.velocity, True)
+                if ti.static(sums):
+                    total_force.sum_slices(state, state.velocity, False)
             for i in range(first, first + total_force.particle_count):
                 slope = zero_vector(state)
                 if ti.static(s == 0):
-                    slope = total_force.local_acceleration(state, first, i, time, True)
+                    slope = total_force.local_acceleration(state, first, i, time, True, True)
                     if ti.static(total_force.has_velocity_independent):
                         if ti.static(sums):
-                            state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False)
+                            state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False, True)
                         slope = state.acceleration[i] + slope
                 else:
                     gained = step_number(state, h, 2 * stage) * way[s - 1]
                     slope = state.scratch[0][i] + total_force.acceleration_gained(
-                        state, state.moving_as_scratch[s - 1], gained, first, i, time
+                        state, state.moving_as_scratch[s - 1], gained, first, i, time, True
                     )
                 if ti.static(s == len(end) - 1 and s > 0):
                     if ti.static(state.carries_low):

@@ -1,7 +1,8 @@
 """Kahan and Li's sixth-order composition of nine leapfrogs."""
 
 from mpp_taichi.component import component, param
-from mpp_taichi.integrators._splitting import Splitting, of_leapfrogs
+from mpp_taichi.integrators._splitting import Splitting
+from mpp_taichi.integrators._splitting_table import of_leapfrogs
 
 
 @component

@@ -1,7 +1,8 @@
 """Yoshida's sixth-order composition of seven leapfrogs."""
 
 from mpp_taichi.component import component, param
-from mpp_taichi.integrators._splitting import Splitting, of_leapfrogs
+from mpp_taichi.integrators._splitting import Splitting
+from mpp_taichi.integrators._splitting_table import of_leapfrogs
 
 
 @component

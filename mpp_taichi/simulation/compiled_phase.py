@@ -59,6 +59,7 @@ class CompiledPhase:
         from mpp_taichi.forces._composition import compose
         from mpp_taichi.forces._fewer_pairs import fewer_pairs
         from mpp_taichi.forces._spring_limits import with_limits
+        from mpp_taichi.forces._spring_slices import spring_slices
         from mpp_taichi.forces._total_force import TotalForce
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.tangent_meter import TangentMeter
@@ -105,10 +106,11 @@ class CompiledPhase:
         if self.has_tangent:
             self.plan = "replicas" if self.replica_count > 1 else "serial"
             self.integrator.follows_deviation = self.integrator.takes_tangent
+        self.total_force.slices = spring_slices(self)
         self.contacts, self.state = self._allocate(event_log)
         if rods is not None:
             rods.fill(self.state)
-        self._place_springs(start)
+        self.total_force.place_springs(self.state, start.springs)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
@@ -219,6 +221,7 @@ class CompiledPhase:
         self.live.write(phase.spec.forces)
         if phase.particles.springs is not self.phase.particles.springs:
             self.state.write_springs(phase.particles)
+            self.total_force.place_slices(self.state, phase.particles.springs)
         self.phase = phase
 
     def place(self, start: Snapshot, dt: float) -> None:
@@ -229,14 +232,10 @@ class CompiledPhase:
         if starts:
             self.state.write_properties(starts)
         self.state.write_snapshots([replace(each, velocity=each.velocity * each.moving) for each in starts or (start,)])
-        self._place_springs(start)
+        self.total_force.place_springs(self.state, start.springs)
         if self.tangent is not None:
             self.tangent.begin()
         self._begin_afresh(dt, start.step)
-
-    def _place_springs(self, start: Snapshot) -> None:
-        if self.total_force.has_limits:
-            self.total_force.limits.place(self.state, start.springs)
 
     def take_restitution(self, spec: SceneSpec) -> None:
         """Let spheres bounce as another scene of the same spheres says, where the contact solver can."""

@@ -63,6 +63,27 @@ def test_what_one_thread_does_before_another_is_awake_starts_no_parallel_loop(co
         assert simulation.launcher.launches_per_step() == profiled_loops(simulation) == loops
 
 
+def hanging_sheet(integrator, damping):
+    """A sheet of 16 × 16 masses, whose springs are summed in slices where the processor can."""
+    links = {"of": "sheet", "stiffness": 4.0, "damping": damping, "neighbors": "diagonal"}
+    return {
+        "title": "Sheet",
+        "particles": [{"lattice": {"name": "sheet", "shape": [16, 16], "lower": [0, 0, 0], "upper": [1, 1, 0], "mass": 1.0}}],
+        "springs": [{"lattice_links": links}],
+        "forces": [{"uniform_gravity": {"acceleration": [0, -1, 0]}}],
+        "integrator": {integrator: {"dt": 0.01}},
+        "run": {"duration": 1.0},
+    }
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+@pytest.mark.parametrize("integrator", ["leapfrog", "velocity_verlet", "symplectic_euler", "kahan_li6", "rk4"])
+def test_loops_over_slices_are_counted_as_well(integrator, damping, profiler):
+    with Simulation(hanging_sheet(integrator, damping), backend="cpu", plan="parallel") as simulation:
+        assert simulation.launcher.launches_per_step() == profiled_loops(simulation)
+
+
 def test_a_serial_step_starts_no_parallel_loop(profiler):
     with Simulation(kepler(), backend="cpu", plan="serial") as simulation:
         assert simulation.launcher.launches_per_step() == profiled_loops(simulation) == 0

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mpp_taichi.device.fast_taichi import bitcode, lane_arithmetic, prefetch, worker_threads
+from mpp_taichi.device.fast_taichi import bitcode, lane_arithmetic, prefetch, spring_lanes, worker_threads
 
-SOURCES = lane_arithmetic.SOURCE, prefetch.SOURCE, worker_threads.SOURCE
+SOURCES = lane_arithmetic.SOURCE, prefetch.SOURCE, spring_lanes.SOURCE, worker_threads.SOURCE
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)

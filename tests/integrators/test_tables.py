@@ -12,7 +12,7 @@ from test_integrators import ROUND_OFF, declared, kepler_reference, slope
 from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import pose
-from mpp_taichi.integrators._splitting import KICK_METHODS
+from mpp_taichi.integrators._splitting_table import KICK_METHODS
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
 from scenes import INTEGRATORS, MORE_TABLES, everything, kepler, takes_friction

@@ -13,6 +13,9 @@ parallel
 step in Taichi with the force added to both ends of each spring by atomics. What is not here (a compiler, an OpenCL device) is
 skipped. A bar holds when both the medians and the fastest samples keep it: on a machine that others use, spinning threads of
 OpenMP wait for each other much longer than they work, and only the fastest samples tell what the code can do.
+
+`share of the bandwidth` is that of the bytes which a step without damping needs, each counted once (compare/work.py, with the
+last drift of a step joined to the first of the next), at the bandwidth of a copy in Taichi, measured in the same process.
 """
 
 import argparse
@@ -40,11 +43,15 @@ from spring_contenders import (  # noqa: E402
 )
 from verdicts import finish  # noqa: E402
 
+from mpp_taichi.compare.work import Work  # noqa: E402
+
 COUNTS = (4096, 1_000_000)
+LARGE = 500_000  # springs; the numbers of fewer springs lie in the caches, whatever the bandwidth of the memory is
 PAUSE = 0.005  # seconds between contenders, for spinning threads to go to sleep
 # Of the largest difference from NumPy, relative to the extent of the sheet: two additions to a place in each step round it by
 # half an ulp of at most the extent; as much again for all other roundings.
 LIMITS = {precision: 4 * CHECKED_STEPS * unit for precision, unit in (("f32", 2.0**-24), ("f64", 2.0**-53))}
+LEAST_SHARE = 0.7  # of the bandwidth, for the step of the largest sheet in rows
 BARS = {"opencl": 1.0, "c": 0.6, "atomic": 2.0}  # least speed of `ours` over the contender
 
 
@@ -100,6 +107,14 @@ def benchmark(snapshot, precision, damped, library, device, threads, repeats):
     return rows
 
 
+def share_of_bandwidth(case):
+    """Bytes that the step needs by the second, divided by the bytes of a copy by the second; None with damping."""
+    if case["damped"]:
+        return None
+    needed = Work(case["particles"], case["springs"], 0, evaluations=1, drifts=1, damped=False).bytes(case["precision"])
+    return needed / case["rows"]["ours"]["seconds"] / case["bandwidth"]
+
+
 def judge(results):
     """Each bar with what was measured: (text, value, bar, held)."""
     verdicts = []
@@ -109,6 +124,9 @@ def judge(results):
             if name in case["rows"]:
                 ratio = min(case["rows"][name][key] for key in ("speed_of_ours", "speed_of_our_fastest"))
                 verdicts.append((f"{where}: speed ÷ {name}, at least", ratio, bar, ratio >= bar))
+        if case["springs"] > LARGE and case["order"] == "rows" and not case["damped"]:
+            share = share_of_bandwidth(case)
+            verdicts.append((f"{where}: share of the bandwidth, at least", share, LEAST_SHARE, share >= LEAST_SHARE))
     for precision, limit in LIMITS.items():
         cases = [case for case in results if case["precision"] == precision]
         worst = max((row["difference"] for case in cases for row in case["rows"].values()), default=0.0)
@@ -122,6 +140,8 @@ def show(case):
     """One table."""
     kind = "damped" if case["damped"] else "undamped"
     print(f"\n{case['springs']} springs, {case['particles']} particles, {case['order']} order, {case['precision']}, {kind}")
+    if not case["damped"]:
+        print(f"bandwidth of a copy {case['bandwidth'] / 1e9:.1f} GB/s, of which the step needs {share_of_bandwidth(case):.2f}")
     print(
         f"{'':8}{'µs a step':>11}{'quartiles':>23}{'fastest':>11}{'G half-springs/s':>18}"
         f"{'ours is faster by':>22}{'difference':>12}"
@@ -159,6 +179,7 @@ def main():
     from benchmark_pairs import pin_workers
 
     from mpp_taichi.compare.opencl_package import load_opencl
+    from mpp_taichi.compare.taichi_peaks import taichi_peaks
     from mpp_taichi.device import backends
 
     found, reason = load_opencl().devices()
@@ -177,13 +198,15 @@ def main():
             if not results:
                 print(f"{taichi_device.name}, {options.threads} threads; pinned: {pinned}")
                 print(f"C: {compiler if library else 'skipped, ' + compiler}\nOpenCL: {opencl}")
+            bandwidth = taichi_peaks(taichi_device)["bytes"]
             for count in options.counts:
                 for order in options.orders:
                     snapshot = sheet(count, order)
                     for damped in (False, True):
                         rows = benchmark(snapshot, precision, damped, library, device, options.threads, options.repeats)
                         case = {"springs": len(snapshot.springs), "particles": snapshot.particle_count, "order": order}
-                        results.append(case | {"precision": precision, "damped": damped, "rows": rows})
+                        case |= {"precision": precision, "damped": damped, "bandwidth": bandwidth}
+                        results.append(case | {"rows": rows})
                         show(results[-1])
             backends.stop()
     return finish(

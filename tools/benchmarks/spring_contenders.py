@@ -89,6 +89,10 @@ class Ours:
     """The program's own step, from its own parts."""
 
     def __init__(self, snapshot, damped):
+        import taichi as ti
+
+        from mpp_taichi.device.fast_taichi.spring_lanes import can_sum
+        from mpp_taichi.forces._spring_slices import slices_of
         from mpp_taichi.forces._total_force import TotalForce
         from mpp_taichi.forces.spring import Spring
         from mpp_taichi.integrators.leapfrog import Leapfrog
@@ -103,10 +107,13 @@ class Ours:
         self.snapshot = snapshot
         amount = plans.WORK_PER_HALF_SPRING * 2 * len(snapshot.springs) + plans.WORK_PER_PARTICLE * snapshot.particle_count
         self.plan = plans.choose(amount, on_cpu=True, replica_count=1)
-        work = integrator.work_fields(total, snapshot, plan=self.plan, on_cpu=True)
+        precision = "f32" if ti.lang.impl.current_cfg().default_fp == ti.f32 else "f64"
+        total.slices = slices_of(snapshot, total.bonds, precision) if can_sum(precision) else None
+        work = integrator.work_fields(total, snapshot, plan=self.plan, on_cpu=True) | total.work_fields()
         self.state = State(
             snapshot, dimensions=3, needs=total.needs, scratch_count=scratch, layout=VectorLayout.BY_PARTICLE, work=work
         )
+        total.place_slices(self.state, snapshot.springs)
         self.launcher = launcher_for(self.state, total, integrator, plan=self.plan, on_cpu=True)
 
     def advance(self, steps):

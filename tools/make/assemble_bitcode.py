@@ -15,6 +15,7 @@ FOLDER = Path(__file__).parents[2] / "mpp_taichi" / "device" / "fast_taichi"
 SOURCES = {  # and how they are compiled; LLVM's own language is only assembled
     FOLDER / "lane_arithmetic.ll": ("-Xclang", "-disable-llvm-passes"),
     FOLDER / "prefetch.ll": ("-Xclang", "-disable-llvm-passes"),
+    FOLDER / "spring_lanes.c": ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding", "-mavx512f"),
     FOLDER / "worker_threads.c": ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding"),
 }
 CLANG = ("clang-15", "--target=x86_64-pc-linux-gnu", "-Xclang", "-no-opaque-pointers", "-emit-llvm", "-c")

@@ -19,6 +19,7 @@ NAMES = (
     "explicit_vectors",
     "lane_arithmetic",
     "prefetch",
+    "spring_lanes",
     "large_pages",
 )
 
