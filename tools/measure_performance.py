@@ -1,11 +1,13 @@
 """All speed benchmarks in turn, and docs/performance.md from what they found.
 
     python tools/measure_performance.py [--short] [--only pairs springs …] [--keep] [--folder out/performance] [--page FILE]
+    python tools/measure_performance.py --renew springs … [--page FILE]
     python tools/measure_performance.py --limits [--page FILE]
 
 Each runs as a process of its own and writes JSON into the folder; `--keep` takes those that are there already. `--short` sees
-that all of it works, with few sizes and repeats, and writes no page unless one is named. `--limits` measures nothing: it takes
-over what is written by hand of the limits into the page, whose tables stay. The whole takes about half an hour on two cores.
+that all of it works, with few sizes and repeats, and writes no page unless one is named. `--renew` measures some benchmarks
+and puts their tables and bars into the page, whose other tables stay. `--limits` measures nothing: it takes over what is
+written by hand of the limits into the page, whose tables stay. The whole takes about half an hour on two cores.
 The exit code is 1 where a benchmark failed; a bar that is missed is a line of the page.
 """
 
@@ -18,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
 
-from performance_page import page, with_new_limits  # noqa: E402
+from performance_page import SECTIONS, page, with_new_limits, with_new_results  # noqa: E402
 
 PAGE = ROOT / "docs" / "performance.md"
 RUNS = {  # name: arguments, and those of --short
@@ -62,6 +64,22 @@ def measure(name, call, file):
     return good
 
 
+def renew(options):
+    """Measure the benchmarks of `--renew`, and put their results into the page."""
+    target, failed = options.page or PAGE, []
+    for name in options.renew:
+        file = file_of(options.folder.resolve(), name)
+        call, command = call_of(name, RUNS[name][options.short], file)
+        file.unlink(missing_ok=True)
+        if measure(name, call, file):
+            found = json.loads(file.read_text(encoding="utf-8"))
+            text = with_new_results(target.read_text(encoding="utf-8"), name, found, command)
+            target.write_text(text, encoding="utf-8")
+        else:
+            failed.append(name)
+    return 1 if failed else 0
+
+
 def main():
     """Measure, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -69,6 +87,9 @@ def main():
     parser.add_argument("--only", nargs="+", choices=list(RUNS), default=list(RUNS))
     parser.add_argument("--keep", action="store_true", help="do not repeat what is in the folder")
     parser.add_argument("--folder", type=Path, default=ROOT / "out" / "performance")
+    parser.add_argument(
+        "--renew", nargs="+", choices=list(SECTIONS), default=[], help="measure these, and keep all other tables"
+    )
     parser.add_argument("--limits", action="store_true", help="measure nothing, and renew the limits that are written by hand")
     parser.add_argument("--page", type=Path)
     options = parser.parse_args()
@@ -77,6 +98,8 @@ def main():
         target.write_text(with_new_limits(target.read_text(encoding="utf-8")), encoding="utf-8")
         return 0
     options.folder.mkdir(parents=True, exist_ok=True)
+    if options.renew:
+        return renew(options)
     found, commands, failed = {}, {}, []
     for name, arguments in RUNS.items():
         file = file_of(options.folder.resolve(), name)

@@ -10,7 +10,7 @@ from conftest import ROOT
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tools" / "benchmarks")]
 
 import measure_performance  # noqa: E402
-from performance_page import BARS, LIMITS, duration, page, ratio, size, with_new_limits  # noqa: E402
+from performance_page import BARS, LIMITS, duration, page, ratio, size, with_new_limits, with_new_results  # noqa: E402
 
 MACHINE = {"processor": "Abacus", "threads": 2, "system": "Beads", "taichi": "1.7.4", "numpy": "2.4", "python": "3.11"}
 
@@ -96,6 +96,21 @@ def test_limits_are_renewed_without_a_change_of_the_measured_tables():
     without = whole.replace(LIMITS.strip() + "\n\n", "")
     assert LIMITS.splitlines()[0] not in without and BARS in without
     assert with_new_limits(without) == whole
+
+
+def test_new_results_of_one_benchmark_leave_all_other_tables_as_they_are():
+    steps = {"machine": MACHINE, "bars": [{"bar": "2 bodies", "limit": 0.5, "value": 0.4, "held": True}]}
+    steps["results"] = {"steps": [], "start": {}}
+    found = {**FOUND, "steps": steps}
+    commands = {**COMMANDS, "steps": "python tools/benchmarks/benchmark_steps.py"}
+    pairs = {**FOUND["pairs"], "machine": {**MACHINE, "processor": "Loom"}}
+    pairs["bars"] = [{"bar": "f32: speed ÷ c, at least", "limit": 0.7, "value": 0.8, "held": True}]
+    before, after = page(found, commands), page({**found, "pairs": pairs}, commands)
+    renewed = with_new_results(before, "pairs", pairs, COMMANDS["pairs"])
+    assert "Measured by itself: Loom, 2 threads, Beads; taichi" in renewed
+    assert "2 of 2 results keep their limit." in renewed and "**missed**" not in renewed
+    without = re.sub(r"Measured by itself: .*\n\n", "", renewed)
+    assert without == after.replace("Loom, 2 threads", "Abacus, 2 threads")
 
 
 def test_numbers_are_printed_with_few_digits():

@@ -63,6 +63,22 @@ def with_new_limits(text):
     return f"{measured.rstrip()}\n\n{LIMITS.strip()}\n\n{BARS}\n{bars}"
 
 
+def with_new_results(text, name, found, command):
+    """A page with new results of one benchmark, its section and its bars; the section names the machine that measured it."""
+    title, tables = SECTIONS[name]
+    before, rest = text.split(f"\n## {title}\n")
+    others = rest[rest.index("\n## ") :]
+    section = [f"## {title}\n\n    {command}", f"Measured by itself: {_machine({name: found})}", *tables(found["results"])]
+    measured, bars = others.split(f"\n{BARS}\n")
+    rows = [row for row in bars.splitlines() if row.startswith("| ")][1:]
+    own = [row.startswith(f"| {name} |") for row in rows]
+    place = own.index(True) if any(own) else len(rows)
+    new = table([], _bar_rows(name, found)).splitlines()[2:]
+    kept = [row for row, is_own in zip(rows, own, strict=True) if not is_own]
+    rows = [*kept[:place], *new, *kept[place:]]
+    return f"{before}\n" + "\n\n".join(section) + f"\n{measured}\n{_bars_of(rows)}\n"
+
+
 def table(head, rows):
     """A table in Markdown, with the numbers aligned to the right."""
     lines = [f"| {' | '.join(head)} |", f"|{'|'.join('---' if k == 0 else '---:' for k in range(len(head)))}|"]
@@ -278,12 +294,20 @@ def _machine(found):
 
 
 def _bars(found):
-    rows = [
+    rows = [row for name in SECTIONS if name in found for row in _bar_rows(name, found[name])]
+    return _bars_of(table([], rows).splitlines()[2:])
+
+
+def _bar_rows(name, found):
+    """The bars of one benchmark, with what was measured."""
+    return [
         [name, bar["bar"], f"{bar['limit']:g}", f"{bar['value']:.3g}", "held" if bar["held"] else "**missed**"]
-        for name in SECTIONS
-        if name in found
-        for bar in found[name]["bars"]
+        for bar in found["bars"]
     ]
-    held = sum(row[-1] == "held" for row in rows)
-    head = ["benchmark", "bar", "limit", "measured", "result"]
-    return f"{BARS}\n\n{held} of {len(rows)} results keep their limit.\n\n{table(head, rows)}"
+
+
+def _bars_of(rows):
+    """The section of bars, from its rows as they are printed."""
+    held = sum(row.endswith("| held |") for row in rows)
+    head = table(["benchmark", "bar", "limit", "measured", "result"], [])
+    return "\n".join([f"{BARS}\n\n{held} of {len(rows)} results keep their limit.\n", head, *rows])
