@@ -1,6 +1,7 @@
 """Films: every film plays, and a broken encoder affects the film alone."""
 
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -87,6 +88,47 @@ def test_colors_survive(tmp_path: Path) -> None:
     (frame,) = decode(path, SIZE)
     np.testing.assert_allclose(frame[60, 60], (250, 200, 20), atol=4)
     np.testing.assert_allclose(frame[10, 10], (20, 40, 120), atol=4)
+
+
+def shaded_discs(index: int, size: tuple[int, int]) -> np.ndarray:
+    """Thirty discs in motion on black, each lighter on the left, among points of light that stay."""
+    random, (width, height) = np.random.default_rng(3), size
+    result = np.where(random.random((height, width, 1)) < 3e-3, random.random((height, width, 3)), 0.02)
+    rows, columns = np.mgrid[:height, :width]
+    for x, y, radius, vx, vy, *color in random.random((30, 8)):
+        radius = 3 + 20 * radius
+        right, down = columns - width * x - 6 * index * (vx - 0.5), rows - height * y - 6 * index * (vy - 0.5)
+        inside = right**2 + down**2 < radius**2
+        result[inside] = (0.6 - 0.4 * right[inside] / radius)[:, None] * np.array(color)
+    return np.uint8(255 * np.clip(result, 0, 1))
+
+
+def likeness(film: Path, pictures: list[np.ndarray]) -> float:
+    """FFmpeg's SSIM of the brightness of a film and its pictures."""
+    height, width, _ = pictures[0].shape
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", f"file:{film}", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command += ["-video_size", f"{width}x{height}", "-framerate", "30", "-i", "pipe:0", "-f", "null", "-"]
+    taken = "[1:v]scale=out_color_matrix=bt709:out_range=tv,format=yuv420p[given];[0:v][given]ssim"
+    command[-3:-3] = ["-lavfi", taken]
+    told = subprocess.run(command, input=b"".join(map(bytes, pictures)), capture_output=True, check=True).stderr.decode()
+    found = re.search(r"SSIM Y:([\d.]+)", told)
+    assert found is not None, told
+    return float(found[1])
+
+
+def test_a_film_is_as_near_to_its_frames_as_one_by_a_slow_preset(tmp_path: Path) -> None:
+    pictures = [shaded_discs(index, (640, 360)) for index in range(20)]
+    with VideoRecorder(tmp_path / "film.mp4", (640, 360), 30) as recorder:
+        for each in pictures:
+            recorder.write(each)
+    command = video.encoder_command(check_encoder(), tmp_path / "slow.mp4", (640, 360), 30)
+    for option, value in (("-preset", "medium"), ("-crf", "18")):
+        command[command.index(option) + 1] = value
+    subprocess.run(command, input=b"".join(map(bytes, pictures)), check=True)
+    films = [tmp_path / "film.mp4", tmp_path / "slow.mp4"]
+    ours, slow = (likeness(film, pictures) for film in films)
+    assert ours > slow - 1e-3 and ours > 0.98
+    assert films[0].stat().st_size < 1.4 * films[1].stat().st_size
 
 
 def test_mp4_plays_everywhere(tmp_path: Path) -> None:
