@@ -288,7 +288,8 @@ def _share(rates):
 
 def _machine(found):
     known = {key: value for name in SECTIONS if name in found for key, value in found[name]["machine"].items()}
-    first = [f"{known.get('processor')}, {known.get('threads', '?')} threads, {known.get('system')}"]
+    threads = [f"{known['threads']} threads"] if "threads" in known else []
+    first = [", ".join(str(each) for each in (known.get("processor"), *threads, known.get("system")))]
     versions = [f"{name} {known[name]}" for name in ("taichi", "numpy", "rebound", "python") if name in known]
     return "; ".join([*first, ", ".join(versions), *(known[key] for key in ("compiler", "opencl") if known.get(key))]) + "."
 
