@@ -91,6 +91,11 @@ class TotalForce:
         """Whether springs are summed in slices."""
         return self.slices is not None
 
+    @property
+    def sums_ahead(self) -> bool:
+        """Whether slices are the only forces, so that a loop may kick and drift: external forces may read other places."""
+        return self.slices is not None and not self.external
+
     def slice_loops(self, velocity_dependent: bool) -> int:
         """Parallel loops over slices before a loop over the forces that do, or do not, depend on velocity."""
         return int(self.slices is not None and self.slices.damped == velocity_dependent)

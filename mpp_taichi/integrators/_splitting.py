@@ -198,7 +198,7 @@ class Splitting(Integrator):
             )
         if not self.sums(k, total_force):
             return 1
-        return 1 + (total_force.has_slices or drift != 0.0)
+        return 1 + total_force.slice_loops(False) + (drift != 0.0 and not total_force.sums_ahead)
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
@@ -266,7 +266,7 @@ class Splitting(Integrator):
         """The last stage, and in the loop of its drift the opening drift of the next step."""
         node, kick, drift = ti.static(self.entries[-1])
         last = ti.static(len(self.entries) - 1)
-        kicks = ti.static(total_force.has_slices and not total_force.depends_on_velocity and not self.wants_sum(total_force))
+        kicks = ti.static(total_force.sums_ahead and not total_force.depends_on_velocity and not self.wants_sum(total_force))
         if ti.static(kicks):
             total_force.look(state, first, time + node * dt)
             total_force.sum_slices(state, state.velocity, False)
@@ -309,7 +309,7 @@ class Splitting(Integrator):
                 if ti.static(self.begins_with_kick):
                     state.acceleration[i] = acceleration
                 kick_particle(state, i, kick_time, 2 * k, acceleration)
-                if ti.static(drifts and total_force.has_slices):
+                if ti.static(drifts and total_force.sums_ahead):
                     drift_particle(state, i, drift_time, 2 * k + 1)
         else:
             for i in range(first, first + total_force.particle_count):
@@ -324,7 +324,7 @@ class Splitting(Integrator):
 
     def sums_in_kick(self, total_force: Any, sums: bool) -> bool:
         """Whether the loop of a kick sums forces that read the positions of other particles."""
-        return sums and not total_force.has_slices
+        return sums and not total_force.sums_ahead
 
     @ti.func
     def drift(self, state: Template, total_force: Template, first, k, drift_time: Template):
