@@ -8,7 +8,7 @@ has or may have at that place; `+path=value` adds any key. Values are read as in
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mpp_taichi.errors import SceneError
@@ -128,31 +128,42 @@ def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
 
 
 def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: bool, walked: Path) -> list[Node]:
-    text = str(step)
-    if len(named := [i for i, entry in enumerate(entries) if entry.get(text) is not None]) == 1:
-        step, rest = named[0], (text, *rest)
-        text = str(step)
-    elif not named and rest and len(called := list(_called(text, entries))) == 1:
-        step, rest = called[0][0], rest if rest[0] == called[0][1] else (called[0][1], *rest)
-        text = str(step)
+    text, rest = numbered(str(step), rest, list(map(_names, entries)))
     index = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1
     if index == len(entries) and adding:
         return [*entries, _put(Node(None, new.location), rest, new, adding, (*walked, index))]
     if not 0 <= index < len(entries):
-        what = f"has {len(named)} entries" if named else "has no entry"
+        named = sum(entry.get(text) is not None for entry in entries)
+        what = f"has {named} entries" if named else "has no entry"
         raise SceneError(f"{new.location}: {key_text(walked)} {what} {shown(text)}{_instead(text, entries)}")
     changed = _put(entries[index], rest, new, adding, (*walked, index))
     return [*entries[:index], changed, *entries[index + 1 :]]
 
 
-def _called(name: str, entries: list[Node]) -> Iterator[tuple[int, str]]:
-    """Number and component of each entry whose `name:` this is."""
-    for number, entry in enumerate(entries):
-        if entry.row is None and isinstance(entry.value, dict) and len(entry.value) == 1:
-            ((component, body),) = entry.value.items()
-            given = body.get("name")
-            if given is not None and given.value == name:
-                yield number, component
+def numbered(text: str, rest: Path, entries: Sequence[Mapping[str, Any]]) -> tuple[str, Path]:
+    """A step into a list and the steps after it, with the number of the entry in place of its component or its `name:`.
+
+    `entries` has the keys of each entry, with the `name:` that stands below. Steps that lead to no entry, or to several, stay.
+    """
+    named = [number for number, names in enumerate(entries) if text in names]
+    if len(named) == 1:
+        return str(named[0]), (text, *rest)
+    called = [(i, key) for i, names in enumerate(entries) if len(names) == 1 for key, name in names.items() if name == text]
+    if not named and rest and len(called) == 1:
+        ((number, component),) = called
+        return str(number), rest if rest[0] == component else (component, *rest)
+    return text, rest
+
+
+def _names(entry: Node) -> dict[str, Any]:
+    """The keys of an entry with the names below them. Of a row of a table, which has no names, no value is read."""
+    if entry.row is not None:
+        return dict.fromkeys(entry.row.shape.keys)
+    found: dict[str, Any] = {}
+    for key, body in entry.value.items() if isinstance(entry.value, dict) else ():
+        given = body.get("name")
+        found[key] = None if given is None else given.value
+    return found
 
 
 def _instead(word: str, entries: list[Node]) -> str:

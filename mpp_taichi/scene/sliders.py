@@ -180,13 +180,8 @@ def canonical(scene: Any, text: str) -> tuple[Any, ...]:
     while steps:
         step = steps.pop(0)
         if isinstance(scene, list):
-            named = [number for number, entry in enumerate(scene) if isinstance(entry, Mapping) and str(step) in entry]
-            if len(named) == 1:
-                steps.insert(0, str(step))
-                step = named[0]
-            elif not named and steps and len(called := list(_called(str(step), scene))) == 1:
-                step, kind = called[0]
-                steps = steps if steps[0] == kind else [kind, *steps]
+            step, rest = overrides.numbered(str(step), tuple(steps), list(map(_names, scene)))
+            steps = list(rest)
             if not str(step).isdigit() or int(step) >= len(scene):
                 return ()
             step = int(step)
@@ -201,13 +196,10 @@ def canonical(scene: Any, text: str) -> tuple[Any, ...]:
     return tuple(found)
 
 
-def _called(name: str, entries: Sequence[Any]) -> Iterator[tuple[int, str]]:
-    """Number and component of each entry of a list whose `name:` this is."""
-    for number, entry in enumerate(entries):
-        if isinstance(entry, Mapping) and len(entry) == 1:
-            ((kind, body),) = entry.items()
-            if isinstance(body, Mapping) and body.get("name") == name:
-                yield number, kind
+def _names(entry: Any) -> dict[str, Any]:
+    """The keys of an entry of plain data with the names below them."""
+    bodies = entry.items() if isinstance(entry, Mapping) else ()
+    return {str(key): body.get("name") if isinstance(body, Mapping) else None for key, body in bodies}
 
 
 def entry_of(spec: SceneSpec, target: SliderTarget) -> ComponentSpec:
