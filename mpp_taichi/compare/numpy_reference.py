@@ -96,7 +96,7 @@ def refusal(spec: SceneSpec) -> str | None:
 def only_turns(spec: SceneSpec, damping: np.ndarray) -> bool:
     """Whether the forces that depend on velocity are linear in it and across it, as a magnetic force is.
 
-    Kicks then turn the velocity by the exact angle, on each device that has sines. `damping` is that of the springs.
+    Kicks then turn the velocity by the exact angle, on each device that has sines. `damping` holds the damping of each spring.
     """
     moved = [force for force in spec.forces if force.flag("forces", "depends_on_velocity")]
     return bool(moved) and all(force.flag("forces", "turns") for force in moved) and not np.any(damping)

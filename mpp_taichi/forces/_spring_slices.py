@@ -7,7 +7,7 @@ import taichi as ti
 
 from mpp_taichi.device.fast_taichi import spring_lanes
 from mpp_taichi.snapshot import Snapshot, Springs
-from mpp_taichi.state.half_springs import half_springs, numbers_of_halves
+from mpp_taichi.state.half_springs import half_springs
 from mpp_taichi.types import Template
 
 FEWEST = 500  # half-springs; with fewer, a step takes less than a microsecond, and its kernel 0.1 s more to compile
@@ -40,7 +40,8 @@ def slices_of(start: Snapshot, bonds: tuple[Any, ...], precision: str) -> "Sprin
 class SpringSlices:
     """The rows of half-springs of as many particles as a vector has lanes, side by side; shorter rows are filled up.
 
-    slice_start         the first entry of each slice; entry h is that of the lanes h × lanes … h × lanes + lanes − 1
+    slice_start         the number of the first line of each slice; line h are the entries h × lanes to h × lanes + lanes − 1
+                        of the following fields, an entry for each lane
     slice_neighbor      the particle at the other end; the particle itself where a row is filled up
     slice_stiffness     [force / length], slice_rest_length [length] and slice_damping [mass / time]; 0 where a row is filled up
     slice_pull          the sums: a component of all particles after the other [force]
@@ -65,7 +66,7 @@ class SpringSlices:
         inside = np.minimum(np.arange(self.padded_count), start.particle_count - 1).reshape(-1, lanes)
         self._neighbor = np.repeat(inside, longest, axis=0).ravel()
         self._neighbor[self._entry] = rows["spring_neighbor"]
-        self._number = numbers_of_halves(start)
+        self._number = rows["spring_number"]
 
     def work_fields(self, dimensions: int) -> dict[str, tuple[str, int]]:
         """Kind and count of the fields in the state, by name."""
@@ -74,13 +75,16 @@ class SpringSlices:
         fields |= {name: ("scalar", self.entry_count) for name in numbers}
         return fields | {"slice_pull": ("scalar", dimensions * self.padded_count)}
 
-    def place(self, state: Any, springs: Springs) -> None:
-        """Give the slices the numbers of the springs; TypeError where the vectors do not lie particle by particle."""
+    def fill(self, state: Any) -> None:
+        """Fill the fields that stay the same in the whole run; TypeError where the vectors do not lie particle by particle."""
         parents = [state.position.get_scalar_field(axis).parent() for axis in range(2)]
         if parents[0] != parents[1]:
             raise TypeError("springs in slices need positions and velocities that lie particle by particle")
         state.slice_start.from_numpy(self._start)
         state.slice_neighbor.from_numpy(self._neighbor.astype(np.int32))
+
+    def place(self, state: Any, springs: Springs) -> None:
+        """Give the slices the numbers of the springs."""
         for name in ("stiffness", "rest_length", *(("damping",) if self.damped else ())):
             field = getattr(state, f"slice_{name}")
             values = np.zeros(self.entry_count, np.float32 if field.dtype == ti.f32 else np.float64)

@@ -93,8 +93,8 @@ class TotalForce:
 
     @property
     def sums_ahead(self) -> bool:
-        """Whether slices are the only forces, so that a loop may kick and drift: external forces may read other places."""
-        return self.slices is not None and not self.external
+        """Whether undamped slices are the only forces, so that a loop may kick and drift: others may read other places."""
+        return self.has_slices and not self.depends_on_velocity and not self.external
 
     def slice_loops(self, velocity_dependent: bool) -> int:
         """Parallel loops over slices before a loop over the forces that do, or do not, depend on velocity."""
@@ -141,6 +141,13 @@ class TotalForce:
         """Forget what earlier sums have left."""
         if self.by_lists:
             self.pair_sum.begin(state)
+
+    def fill(self, state: Any) -> None:
+        """Fill the fields that stay the same in the whole run: of rods and of slices."""
+        if self.rods is not None:
+            self.rods.fill(state)
+        if self.slices is not None:
+            self.slices.fill(state)
 
     def place_springs(self, state: Any, springs: Springs) -> None:
         """Give springs with limits the lengths that they have at a start, and slices the numbers of the springs."""

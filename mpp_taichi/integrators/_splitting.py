@@ -266,16 +266,14 @@ class Splitting(Integrator):
         """The last stage, and in the loop of its drift the opening drift of the next step."""
         node, kick, drift = ti.static(self.entries[-1])
         last = ti.static(len(self.entries) - 1)
-        kicks = ti.static(total_force.sums_ahead and not total_force.depends_on_velocity and not self.wants_sum(total_force))
-        if ti.static(kicks):
-            total_force.look(state, first, time + node * dt)
+        if ti.static(total_force.sums_ahead):
             total_force.sum_slices(state, state.velocity, False)
         elif ti.static(not self.wants_sum(total_force)):
             self.kick_and_drift(state, total_force, first, time + node * dt, last, kick * dt, 0.0, True, False)
         for i in range(first, first + total_force.particle_count):
             if ti.static(self.wants_sum(total_force)):
                 kick_particle(state, i, kick * dt, 2 * last, state.acceleration[i])
-            if ti.static(kicks):
+            if ti.static(total_force.sums_ahead):
                 acceleration = total_force.local_acceleration(state, first, i, time + node * dt, False, True)
                 kick_particle(state, i, kick * dt, 2 * last, acceleration)
             drift_particle(state, i, drift * dt, 2 * last + 1)
@@ -319,12 +317,8 @@ class Splitting(Integrator):
         if ti.static(total_force.has_rods):
             total_force.rods.project(state, first, state.velocity, 1.0)
         # The kicks of other particles read the positions, so the drift is a loop of its own.
-        if ti.static(drifts and (self.sums_in_kick(total_force, sums) or total_force.depends_on_velocity)):
+        if ti.static(drifts and ((sums and not total_force.sums_ahead) or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
-
-    def sums_in_kick(self, total_force: Any, sums: bool) -> bool:
-        """Whether the loop of a kick sums forces that read the positions of other particles."""
-        return sums and not total_force.sums_ahead
 
     @ti.func
     def drift(self, state: Template, total_force: Template, first, k, drift_time: Template):

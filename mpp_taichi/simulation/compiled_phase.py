@@ -108,8 +108,7 @@ class CompiledPhase:
             self.integrator.follows_deviation = self.integrator.takes_tangent
         self.total_force.slices = spring_slices(self)
         self.contacts, self.state = self._allocate(event_log)
-        if rods is not None:
-            rods.fill(self.state)
+        self.total_force.fill(self.state)
         self.total_force.place_springs(self.state, start.springs)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves

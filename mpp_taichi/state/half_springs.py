@@ -31,7 +31,7 @@ def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """The half-springs of all springs, sorted by the particle that each pulls at: compressed sparse rows.
 
     Row i goes from spring_start[i] to spring_start[i+1]. Within a row the order is the order of the scene, so that sums are
-    repeatable.
+    repeatable. `spring_number` is the number of the spring to which each half-spring belongs.
     """
     springs = snapshot.springs
     ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
@@ -44,6 +44,7 @@ def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
         "spring_stiffness": springs.stiffness[number],
         "spring_rest_length": springs.rest_length[number],
         "spring_damping": springs.damping[number],
+        "spring_number": number,
     }
 
 

@@ -70,11 +70,10 @@ class ParallelForceSum(ForceSum):
         self._accumulate(force, time)
 
     def parallel_loops(self) -> int | None:
-        """One loop, the loop over slices, and the loops over pairs."""
-        before = self.total_force.slice_loops(False)
+        """One loop, and the loops over pairs, or the loop over slices, which there are without pairs only."""
         if not self.total_force.has_pairs:
-            return before + 1
-        return before + 1 + self.total_force.pair_loops(self.state) + self.state.has_fixed_axes
+            return 1 + self.total_force.slice_loops(False)
+        return 1 + self.total_force.pair_loops(self.state) + self.state.has_fixed_axes
 
     @ti.kernel
     def _accumulate(self, total_force: Template, time: float):
@@ -115,7 +114,7 @@ class LaunchedForceSum(ForceSum):
         if self.total_force.by_tree:
             return None
         few = isinstance(self.loops, SerialLoops)
-        begins = 0 if self.pairs_alone or few else 1 + self.total_force.slice_loops(False)
+        begins = 0 if self.pairs_alone or few else 1
         return begins + self.total_force.pair_loops(self.state) + (self.state.has_fixed_axes and not few)
 
     @ti.kernel

@@ -79,6 +79,7 @@ class BothSums:
             layout=VectorLayout.BY_PARTICLE,
             work=self.total.work_fields(),
         )
+        self.total.fill(self.state)
         self.total.place_springs(self.state, snapshot.springs)
         self.found = ti.Vector.field(dimensions, float, self.count)
 

@@ -14,8 +14,9 @@ step in Taichi with the force added to both ends of each spring by atomics. What
 skipped. A bar holds when both the medians and the fastest samples keep it: on a machine that others use, spinning threads of
 OpenMP wait for each other much longer than they work, and only the fastest samples tell what the code can do.
 
-`share of the bandwidth` is that of the bytes which a step without damping needs, each counted once (compare/work.py, with the
-last drift of a step joined to the first of the next), at the bandwidth of a copy in Taichi, measured in the same process.
+The share of the bandwidth is the rate of the bytes that a step without damping needs, divided by the rate of the bytes of a
+copy in Taichi in the same process. Each byte is counted once (compare/work.py), with the last drift of a step joined to the
+first drift of the next step.
 """
 
 import argparse

@@ -113,6 +113,7 @@ class Ours:
         self.state = State(
             snapshot, dimensions=3, needs=total.needs, scratch_count=scratch, layout=VectorLayout.BY_PARTICLE, work=work
         )
+        total.fill(self.state)
         total.place_slices(self.state, snapshot.springs)
         self.launcher = launcher_for(self.state, total, integrator, plan=self.plan, on_cpu=True)
 
