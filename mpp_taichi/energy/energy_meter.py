@@ -28,7 +28,7 @@ class EnergyMeter:
         """Bind the parts."""
         self.state = state
         self.total_force = total_force
-        self._rows = PairEnergy(total_force.pair_sum.all_pairs) if is_in_rows(state, total_force) else None
+        self._rows = PairEnergy(state, total_force.pair_sum.all_pairs) if is_in_rows(state, total_force) else None
         self._in_rows = self._rows is not None
 
     @ti.kernel

@@ -11,11 +11,27 @@ ALL = slice(None)
 FEW_COPIES = 8
 """Copies up to which a sum is taken number by number."""
 
+MOST_TERMS = 512
+"""Terms that Python sums one by one, in 14 µs: halves of shorter arrays are not added faster."""
+
 
 def total(terms: np.ndarray) -> float:
-    """The sum, rounded once; not finite where a term, or the sum, is not."""
+    """The sum of n terms, (n,), to 2⁻⁵³ of itself and (log₂ n)² 2⁻¹⁰⁶ Σ |term|; not finite where a term, or the sum, is not.
+
+    The halves of a long array are added to each other, term by term, until the array is short. The sum of the roundings is
+    kept. Source: Ogita, Rump & Oishi, SIAM J. Sci. Comput. 26 (2005) 1955.
+    """
+    terms, lost = np.asarray(terms, dtype=np.float64), []
+    with np.errstate(over="ignore", invalid="ignore"):  # the result then is not finite
+        while len(terms) > MOST_TERMS:
+            half = len(terms) // 2
+            first, second, rest = terms[:half], terms[half : 2 * half], terms[2 * half :]
+            added = first + second
+            part = added - first
+            lost.append(float(np.sum((first - (added - part)) + (second - part))))
+            terms = np.concatenate([added, rest])
     try:
-        return math.fsum(terms)
+        return math.fsum([*terms.tolist(), *lost])
     except (OverflowError, ValueError):  # beyond the largest number; ∞ − ∞
         return math.nan
 

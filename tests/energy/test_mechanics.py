@@ -63,11 +63,24 @@ def test_scales_count_a_negative_mass_by_its_size(snapshot):
     assert opposite["momentum"].tolist() == (-plain["momentum"]).tolist()
 
 
+@pytest.mark.parametrize("count", [1, 512, 513, 1025, 3073, 16385])
+def test_a_total_is_rounded_once(count):
+    """Terms that cancel: the sum is a thousandth of the largest term, and the sizes of the terms differ by 10¹⁶."""
+    random = np.random.default_rng(count)
+    terms = random.normal(size=count) * 10.0 ** random.integers(-8, 8, size=count)
+    terms[0] -= (1.0 - 1e-3) * terms.sum()
+    size = math.log2(count + 1) ** 2 * 2.0**-106 * np.abs(terms).sum()
+    exact = math.fsum(terms)
+    assert abs(total(terms) - exact) <= 2.0**-53 * abs(exact) + size
+    assert total(terms.tolist()) == total(terms)
+
+
 def test_a_mean_without_mass_is_the_plain_mean_and_a_sum_that_overflows_is_no_number():
     values = np.array([[1.0, 2.0, 3.0], [5.0, 7.0, 11.0]])
     assert mean_by_mass(values, np.zeros(2)).tolist() == [3.0, 4.5, 7.0]
     assert mean_by_mass(values, np.array([1.0, 3.0])).tolist() == [4.0, 5.75, 9.0]
     assert math.isnan(total([1e308, 1e308])) and math.isnan(total([math.inf, -math.inf]))
+    assert not math.isfinite(total(np.full(1000, 1e308))) and not math.isfinite(total(np.append(np.ones(999), math.inf)))
     assert total([1e100, 1.0, -1e100]) == 1.0
 
 
