@@ -127,7 +127,7 @@ class SphereGrid:
         level = 0
         if self.levels.count[0] > 1:
             level = self.level_of_bin[self._bin(reach, largest)]
-        return self._bucket(self.cell_of(self._inside(x), level), level)
+        return self._bucket(self.cell_of(self.inside(x), level), level)
 
     @ti.func
     def _coordinate(self, x, level):
@@ -238,7 +238,7 @@ class SphereGrid:
         return separation.dot(separation)
 
     @ti.func
-    def _inside(self, x):
+    def inside(self, x):
         """The image of a place that lies inside the box."""
         return inside_box(x, self.levels.corner[0], self.period)
 

@@ -125,7 +125,7 @@ class CellGrid(SphereGrid):
                     self.order[slot] = i
         for slot in range(self.particle_count):
             i = self.order[slot]
-            self.sorted_position[slot] = self._inside(position[i])
+            self.sorted_position[slot] = self.inside(position[i])
             self.sorted_reach[slot] = reach[i] + skin
 
     @ti.func

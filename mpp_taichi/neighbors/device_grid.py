@@ -111,5 +111,5 @@ class DeviceGrid(SphereGrid):
                 if self.arrived[other] < i:
                     slot += 1
             self.order[slot] = i
-            self.sorted_position[slot] = self._inside(position[i])
+            self.sorted_position[slot] = self.inside(position[i])
             self.sorted_reach[slot] = reach[i] + skin

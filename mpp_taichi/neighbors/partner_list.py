@@ -25,8 +25,9 @@ class PartnerList:
     partner   later partners of slot k from begin[k] to middle[k], earlier partners from earlier[k] to earlier[k + 1]
     """
 
-    def __init__(self, grid: CellGrid) -> None:
-        """Allocate; needs a started Taichi."""
+    def __init__(self, grid: CellGrid, *, later_only: bool = False) -> None:
+        """Allocate, for later partners only if no others are read; needs a started Taichi."""
+        self.later_only = later_only
         self.grid = grid
         self.particle_count = grid.particle_count
         self.sharer_count = grid.sorter_count
@@ -34,7 +35,7 @@ class PartnerList:
         self.begin, self.middle, self.earlier, self.partner, self.written = (ti.field(ti.i32) for _ in range(5))
         self._memory = FieldGroup(
             (self.particle_count + 1, (self.begin, self.middle, self.earlier)),  # read together
-            (2 * CHUNKS * self.room, self.partner),
+            ((1 if later_only else 2) * CHUNKS * self.room, self.partner),
             (CHUNKS, self.written),
         )
 
@@ -46,7 +47,8 @@ class PartnerList:
         """Write the list for the grid as it was built last; False if there is no room for the partners."""
         if self._write(is_plain(self.grid)) > 0:
             return False
-        self._turn_round()
+        if not self.later_only:
+            self._turn_round()
         return True
 
     @ti.kernel

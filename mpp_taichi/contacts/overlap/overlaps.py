@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts.overlap.kept_candidates import KeptCandidates
 from mpp_taichi.contacts.overlap.overlap_bounces import OverlapBounces
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
 from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
@@ -12,7 +13,7 @@ from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.types import Template
 
-ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmarks/benchmark_contacts.py
+ALL_PAIRS_UP_TO = 200  # spheres; more are faster in a list, see tools/benchmarks/benchmark_opencl.py
 PAIRS_PER_SPHERE = 8  # room for pairs: a contact graph of spheres has fewer than 7.5 edges for each sphere
 FEW = 64  # spheres for each pair; if there are more, pairs count as few and are sorted as such
 
@@ -42,10 +43,11 @@ class Overlaps:
         self._tree = builder.finalize()
         enclosure = setup.enclosure
         self.grid: Any = None if self.all_pairs else CellGrid(n, setup.dimensions, enclosure.period, enclosure.origin)
+        self.kept: Any = None if self.all_pairs else KeptCandidates(self.grid, state.position, self.bounce.radius)
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in (self.bounces, self._tree, self.grid):
+        for part in (self.bounces, self._tree, self.kept, self.grid):
             if part is not None:
                 part.destroy()
 
@@ -63,8 +65,10 @@ class Overlaps:
         if self.all_pairs:
             self._correct_serial(time)
         else:
-            self.grid.build(self.state.position, self.bounce.radius)
-            self._find(is_plain(self.grid))
+            if self.kept.find():
+                self._find_listed()
+            else:
+                self._find(is_plain(self.grid))
             self._bounce_pairs(time)
             self._bounce_walls(time)
 
@@ -100,6 +104,12 @@ class Overlaps:
                 visit_rows(self.grid, slot, self._note_run, slot, 0)
             else:
                 self.grid.visit_later(slot, self._note, 0.0, 0.0)
+
+    @ti.kernel
+    def _find_listed(self):
+        self.found_count[0] = 0
+        for slot in range(self.particle_count):
+            self.kept.visit(slot, self._note)
 
     @ti.func
     def _note_run(self, x, reach, slot, _, begin, end):
