@@ -11,7 +11,7 @@ from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-WIDEST = 0.5  # skin over the median radius: a wider skin lists more than twice as many pairs
+WIDEST = 0.5  # skin over the median radius: a list of this skin holds three times as many pairs as touch
 FIRST = 0.1  # the same for the first list
 STEPS = 10  # that a list is meant to serve
 FEWEST_STEPS = 3  # that the list with the widest skin has to serve; to write a list that serves fewer takes longer
@@ -24,7 +24,7 @@ class KeptCandidates:
 
     A pair that is not in the list cannot overlap while each sphere is within the skin of the place that it had then. This is
     tested in each step, for all spheres, so that places may be changed by anything. The skin is chosen so that a list serves
-    some STEPS steps, by the number of steps that the list before it has served.
+    some STEPS steps, by the number of steps that the list before it has served (docs/decisions/kept_candidates.md).
 
     place   (n,) places by slot of the grid, inside the box that repeats [length]
     size    (n,) radii by slot [length]
