@@ -75,7 +75,7 @@ class KeptCandidates:
     @ti.kernel
     def _gather(self, skin: float, is_new: Template) -> ti.i32:
         """Take the places into the slots; returns 1 where some sphere has left the skin."""
-        stale = 0
+        stale, free = 0, skin - 2.0 * self.grid.levels.slack[0]  # without what rounding of places may hide
         for k in range(self.particle_count):
             i = self.grid.order[k]
             x = self.grid.inside(self.position[i])
@@ -83,7 +83,7 @@ class KeptCandidates:
             if ti.static(is_new):
                 self.size[k] = self.radius[i]
             way = nearest_image(x - self.grid.sorted_position[k], self.grid.period)
-            if not way.norm_sqr() <= skin * skin:
+            if not (free > 0.0 and way.norm_sqr() <= free * free):
                 ti.atomic_max(stale, 1)
         return stale
 
