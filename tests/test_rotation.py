@@ -1,7 +1,9 @@
 """The sample of a run: every case within twelve runs, in equal shares, and nothing that the README promises is left out."""
 
 import ast
+import os
 import re
+import shutil
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -106,6 +108,22 @@ def test_the_number_is_that_of_the_commit_and_without_a_history_that_of_the_day(
         assert rotation.number(tmp_path, 739_000) == count
     subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{tmp_path}", str(tmp_path / "short")], check=True)
     assert rotation.number(tmp_path / "short", 739_000) == 739_000
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
+def test_the_oldest_and_the_newest_python_are_first_in_turn():
+    """The script of CI, with so little time that it names the Pythons and begins none."""
+
+    def order(number):
+        given = os.environ | {"MPP_TAICHI_TEST_ROTATION": str(number)}
+        done = subprocess.run(
+            ["bash", str(ROOT / ".ci" / "pythons"), "-1"], env=given, capture_output=True, text=True, timeout=60, check=True
+        )
+        return re.findall(r"^Python ([\d.]+): ", done.stdout, re.M)
+
+    orders = [order(number) for number in range(4)]
+    assert [each[:2] for each in orders] == 2 * [["3.10", "3.13"], ["3.13", "3.10"]]
+    assert all(sorted(each) == ["3.10", "3.11", "3.12", "3.13"] for each in orders)
 
 
 @pytest.mark.sampled(3)
