@@ -83,8 +83,9 @@ def errors_of_bath(resolved, by):
 
 def errors_of_contacts(resolved, by):
     """The restitution of spheres, and of all walls, unless it is 0; `by` is below 1, since a restitution may not be above 1."""
-    particles = [given for entry in resolved.get("particles") or () for given in entry.values()]
-    meets = not particles or any(given.get("radius", 1) != 0 for given in particles)  # points meet walls alone
+    particles = [pair for entry in resolved.get("particles") or () for pair in entry.items()]
+    spheres = [kind for kind, given in particles if given.get("radius", 1) != 0]
+    meets = not particles or len(spheres) > 1 or bool(set(spheres) - {"body"})  # points and a single sphere meet walls alone
     for solver, given in (resolved.get("contacts") or {}).items() if meets else ():
         if bounces("contacts", given["solver"]) and given.get("restitution") != 0:
             yield "contacts", [f"contacts.{solver}.restitution={scaled(given.get('restitution', 1.0), by)}"]
