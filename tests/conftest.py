@@ -1,6 +1,6 @@
 """Shared by all tests: the tests' own modules on the path, a clean Taichi runtime for each test, and which tests run.
 
-Most of the time goes into compiling kernels. A test marked `sampled(n)`, with n up to 12, runs one of n of its cases, and the
+Most of the time goes into compiling kernels. A test marked `sampled(n)`, with n up to 6, runs one of n of its cases, and the
 others in the n − 1 next runs (see support/rotation.py). `--thorough` runs all. Where a run takes longer than `--budget`
 minutes, the sampled tests that have not begun by then are skipped, so that a run on a slow machine ends too. A test marked
 `fast_taichi(*names)` needs those parts of device/fast_taichi, and is skipped where one is off.

@@ -142,7 +142,7 @@ def test_an_energy_is_reached_as_well(tmp_path):
     assert 1e-5 / 3.0 < max(errors) < 1.5e-5
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_no_step_beyond_what_the_springs_allow_is_chosen(tmp_path):
     """Of sixth order at the largest stable step the error is far below 1e-2; a coarser one would not hold."""
     spring = {"link": {"between": [0, 1], "stiffness": 100.0, "rest_length": 1.0}}

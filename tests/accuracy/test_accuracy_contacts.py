@@ -50,7 +50,7 @@ def machine_of(scene, name):
     return Machine(pose(load_scene(scene)), name, backend="cpu", precision="f64")
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_swept_contacts_are_exact_at_any_step_and_pairwise_ones_are_not():
     """Between contacts a gas flies straight, so that nothing depends on the step; pairwise finds them up to a step late."""
     flight = machine_of(gas(), "event_driven")
@@ -68,7 +68,7 @@ def test_swept_contacts_are_exact_at_any_step_and_pairwise_ones_are_not():
     assert found["pairwise"][0] > found["pairwise"][1] > 1e-3
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_what_touches_at_one_instant_makes_no_reference(tmp_path):
     """One on two: which of the two is hit first, round-off decides; a shift to either side shows it."""
     half = np.sqrt(0.75)
@@ -84,7 +84,7 @@ def test_what_touches_at_one_instant_makes_no_reference(tmp_path):
     assert study.quantity == "energy" and study.problem.span == study.whole  # two collisions are too few to look at a part
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_gas_is_looked_at_while_positions_mean_something(tmp_path):
     study = study_of(gas(run={"duration": 60.0}), tmp_path, ("swept",), asks=1500)
     assert study.reference.trusted and study.reference.bar < 1e-4
@@ -115,7 +115,7 @@ def test_another_solver_keeps_what_solvers_have_in_common():
     assert back.contacts.solver.parameters["restitution"] == 0.7
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_solver_that_comes_to_a_standstill_is_a_row_with_the_reason():
     scene = gas(
         particles=[{"body": {"mass": 1, "position": [5, 1], "radius": 0.5}}],
@@ -168,7 +168,7 @@ def test_located_contacts_are_compared_by_tolerance_with_an_exact_flight():
     assert errors[1] < 1e-12 and errors[0] >= errors[1]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_located_contacts_under_another_force_are_their_own_reference(tmp_path):
     scene = two_disks(
         forces=[{"newtonian_gravity": {"strength": 1}}],
@@ -224,7 +224,7 @@ def test_the_bar_of_a_reference_with_contacts_holds_its_error():
     assert found.trusted and error < found.bar < 1e-4
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_target_with_contacts_is_reached_by_flight_and_kept_as_a_scene(tmp_path):
     spec = load_scene(two_disks(accuracy=1e-6))
     found = choose(spec, tmp_path, integrators=("event_driven", "swept"), precisions=("f64",), seconds=30.0)
@@ -251,7 +251,7 @@ def test_a_target_beyond_the_meaning_of_positions_is_refused_in_a_line(tmp_path)
     assert "\n" not in str(told.value) and told.value.exit_code == 4
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_contacts_that_end_with_a_phase_are_compared_with_flight(tmp_path):
     scene = two_disks(timeline=[{"at": 1.2, "set": {"contacts": None, "walls": []}}])
     study = study_of(scene, tmp_path, ("swept",), asks=600)

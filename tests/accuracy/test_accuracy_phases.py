@@ -153,7 +153,7 @@ def test_a_target_is_reached_through_all_phases_and_the_choice_is_kept(tmp_path,
     assert choose(spec, tmp_path, precisions=("f64",)) == found
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_each_phase_has_its_price_list_from_the_state_of_the_reference(tmp_path):
     scene = planet(timeline=planet()["timeline"][:1])
     problem = pose(load_scene(scene))
@@ -173,7 +173,7 @@ def test_each_phase_has_its_price_list_from_the_state_of_the_reference(tmp_path)
     assert np.linalg.norm(last.reference.end - exact_end(scene).astype(float), axis=1).max() < 1e-9
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_page_and_the_table_tell_of_each_phase(tmp_path, capsys):
     path = tmp_path / "planet.yaml"
     path.write_text(yaml.safe_dump(planet(timeline=planet()["timeline"][:1])), encoding="utf-8")

@@ -138,7 +138,7 @@ def runs():
     return found
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("accuracy", [1e-1, 1e-2])
 def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accuracy):
     exact = runs["leapfrog"][0].end
@@ -151,7 +151,7 @@ def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accur
     assert off.max() > 1e-13  # and it is another sum
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     for name, (sample, expected) in runs.items():
         # The last sample is at the end; both sums round by some √N ulp of energies that are not larger than their parts.
@@ -160,7 +160,7 @@ def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     assert coarse > fine
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_a_study_tells_the_tree_from_the_direct_sum(tmp_path):
     import_taichi()
     problem, names = pose(load_scene(stars(800, accuracy=0.1))), ("leapfrog", "leapfrog+tree-1e-1")

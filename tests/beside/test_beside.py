@@ -101,7 +101,7 @@ def test_a_film_of_two_methods_and_their_distance_is_that_of_two_plain_runs(scen
     assert np.abs(left[-1] - left[0]).max() > 100, "and they move"
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
     name = scene(run={"duration": 0.5})
     words = ["record", name, "--beside", "forces=[]", "--still", "two.png", "--frames", "film", "--backend", "cpu", *FILM]
@@ -128,7 +128,7 @@ def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
         assert caption.sum() > 30 and abs(columns.mean() - 159) < 20, "written in the middle below the half"
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_what_has_merged_on_either_side_is_not_compared(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     content = {
@@ -221,7 +221,7 @@ def test_moments_are_the_ends_of_plain_runs_and_change_no_bit(content):
         np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-13)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("setting", ["precision=f32", "backend=vulkan"])
 def test_another_device_is_another_process_that_says_what_it_is(scene, capsys, setting, request):
     if setting == "backend=vulkan":

@@ -126,7 +126,7 @@ def test_the_table_names_every_pass_and_fail(folder, capsys):
     assert "it expects nothing" in out and out.endswith("1 of 2 scenes pass\n")
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_scene_that_cannot_run_here_neither_passes_nor_fails(folder, capsys):
     """In f32c no solver of contacts carries low parts; other scenes run."""
     folder("s/a.yaml", {"steps": {"above": 0}})
@@ -142,7 +142,7 @@ def test_a_scene_that_cannot_run_here_neither_passes_nor_fails(folder, capsys):
     assert check(capsys, refused, "--precision", "f32c")[0] == 3  # where nothing ran, nothing passed
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_precision_chooses_the_bound(folder, capsys):
     name = folder("a.yaml", {"momentum_error_max": {"below": {"f64": 1e-13, "f32": 1e-4}}})
     for precision in ("f64", "f32"):

@@ -46,7 +46,7 @@ IMPLICIT = [name for name in KINDS_OF_STEP if component.declaration("integrators
 COUNTED = ("leapfrog", "symplectic_euler", "velocity_verlet", "kahan_li6", "rk4", "hermite4", "chin4a", "janus", *IMPLICIT)
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("scene", "integrator"), [*((everything, name) for name in COUNTED), (cluster, "leapfrog"), (cluster, "hermite4")]
 )
@@ -56,7 +56,7 @@ def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, pr
         assert told is None if integrator in IMPLICIT else told == profiled_loops(simulation)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("count", "loops"), [(600, 1), (1100, 1), (4200, 3)])
 def test_what_one_thread_does_before_another_is_awake_starts_no_parallel_loop(count, loops, profiler):
     with Simulation(cluster(count), backend="cpu", plan="parallel") as simulation:
@@ -76,7 +76,7 @@ def hanging_sheet(integrator, damping):
     }
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 @pytest.mark.parametrize("integrator", ["leapfrog", "velocity_verlet", "symplectic_euler", "kahan_li6", "rk4"])
 def test_loops_over_slices_are_counted_as_well(integrator, damping, profiler):
@@ -89,7 +89,7 @@ def test_a_serial_step_starts_no_parallel_loop(profiler):
         assert simulation.launcher.launches_per_step() == profiled_loops(simulation) == 0
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_pair_forces_take_most_of_a_step_of_many_bodies():
     with Simulation(load_scene(cluster(count=300)), backend="cpu", plan="serial") as simulation:
         step, shares, absent = measure(simulation)
@@ -118,7 +118,7 @@ def measured_once(costs, monkeypatch):
     monkeypatch.setattr("mpp_taichi.cli._costs.measure", asked)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_explain_tells_fields_and_effects(tmp_path, capsys, measured_once):
     path = tmp_path / "everything.yaml"
     path.write_text(yaml.safe_dump(everything()), encoding="utf-8")

@@ -119,7 +119,7 @@ def check_verdict(found, rows):
     assert 1 <= found["methods_tried"] <= found["methods_suited"] and isinstance(found["budget_ended"], bool)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 def test_every_key_of_a_study_is_that_of_its_computation(exact, capsys, tmp_path, monkeypatch):
     """A target that the scene's own step meets; its error was 6·10⁻³ of the size."""
     monkeypatch.chdir(tmp_path)

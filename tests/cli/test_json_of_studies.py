@@ -111,7 +111,7 @@ def row_of(found, best, *, is_numpy):
     }
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 def test_every_key_of_a_comparison_follows_from_the_scene_and_the_samples(capsys):
     words = ("--backends", "cpu,numpy", "--precisions", "f64", "--budget", "4s", "--threads", "1", "--quiet", "--out", "o")
     found = asked(capsys, "compare", "s.yaml", *words)

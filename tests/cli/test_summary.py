@@ -94,7 +94,7 @@ def test_a_band_beyond_memory_or_index_is_refused_before_it_is_allocated(monkeyp
         Simulation(direct, backend="cpu")
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_modes_and_damping_are_told_of_the_time_before_a_change():
     """The method of the second phase is another, so its predictions are not those that were made at the start."""
     change = {"at": 0.5, "set": {"integrator": {"implicit_midpoint": {"dt": 0.01}}}}

@@ -118,7 +118,7 @@ def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
     assert [point["particle_count"] for point in row["scaling"]] == [2, 8]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_contacts_that_one_backend_has_alone_are_not_judged_and_it_is_said_why(request, tmp_path):
     scene = request.config.root_folder / "scenes" / "maxwell_boltzmann.yaml"
     words = ["--backends", "cpu", "--budget", "8s", "--quiet", "--out", str(tmp_path)]
@@ -163,7 +163,7 @@ def ladder(tmp_path_factory, opencl):
     return json.loads((folder / "out" / "compare.json").read_text(encoding="utf-8"))["rows"]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_each_rung_of_the_ladder_is_a_row_that_is_judged_and_timed(ladder):
     rungs = {row["label"]: row["plan"] for row in ladder}
     assert list(rungs)[:3] == ["cpu", "cpu serial", "cpu parallel"] and rungs["cpu serial"] == "serial"

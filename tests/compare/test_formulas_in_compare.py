@@ -333,7 +333,7 @@ BOND_FAULTS = {
 
 @pytest.mark.parametrize("damping", [0.0, 0.3], ids=["undamped", "damped"])
 @pytest.mark.parametrize("fault", BOND_FAULTS)
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 def test_a_fault_of_bonds_in_opencl_is_noticed(opencl, fault, damping, monkeypatch):
     change_kernel(monkeypatch, *BOND_FAULTS[fault])
     assert ratio_to_allowance(networks(SEVERAL, damping=damping), OpenclContender, "f64") > 1e6

@@ -8,7 +8,7 @@ PRECISIONS = ["f32", "f64"]
 VARIANTS = [None, "naive", "tiled", "vectors", "third_law"]
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_each_variant_of_the_direct_sum_is_exact(opencl, variant, precision):
@@ -62,7 +62,7 @@ SPRING_FAULTS = {
 }
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", SPRING_FAULTS)
 def test_a_fault_in_the_other_forces_is_seen(opencl, fault, monkeypatch):
     change_kernel(monkeypatch, *SPRING_FAULTS[fault])

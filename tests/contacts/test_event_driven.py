@@ -98,7 +98,7 @@ def test_head_on_at_a_thousand_radii_per_step_and_far_from_where_the_cells_were_
     assert np.allclose(run.velocity[2:4, 0], [3.0 - 1e-6, 3.0], rtol=0, atol=4 * ULP * 3)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_contacts_at_one_time_come_in_the_order_of_the_scene():
     """Wherever the spheres are, and so whatever cells they are in: five head-on pairs, and a ball between two at once."""
     for way in (1, -1):
@@ -143,7 +143,7 @@ def test_a_ball_in_a_box_follows_the_folding_formula():
         assert report.largest_overlap * r < limit
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_against_all_pairs_with_unequal_spheres_and_a_piston():
     """Seven spheres, radii 1 : 30, between five walls at rest and one that comes nearer, contact by contact."""
     rng = np.random.default_rng(5)
@@ -201,7 +201,7 @@ def test_an_elastic_gas_is_reversible_and_samples_change_no_bit():
     assert np.abs(run.velocity.sum(0) - v.sum(0)).max() < report.pair_count * 4 * ULP
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_prefetching_changes_no_bit(monkeypatch):
     """What is fetched early for large numbers of spheres is only fetched: a few move the same with and without."""
     rng = np.random.default_rng(7)
@@ -296,7 +296,7 @@ def test_dense_disks_do_not_overlap(precision, limit):
     assert contacts > 15 * len(x)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_large_sphere_among_many_small_ones_meets_all_of_them():
     """Radii 1 : 25 in a periodic box, cells made for the small ones: a contact that is missed would show as an overlap."""
     side, large = 12.0, 1.0
@@ -344,7 +344,7 @@ def test_inelastic_collapse_is_named_and_the_contact_time_ends_it():
     assert (np.diff(run.velocity[3:, 0]) >= 0).all()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_thousand_cooling_balls_lose_what_is_dissipated():
     """Restitution 0.9, a million contacts; what is missing is what contacts took.
 
@@ -368,7 +368,7 @@ def test_a_thousand_cooling_balls_lose_what_is_dissipated():
         assert report.largest_overlap < 1e-9
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_gravity_floor_and_held_spheres():
     """Balls on a floor and on a held ball bounce as the closed form says, and keep their energy over a thousand bounces."""
     g, r = 9.81, 0.25
@@ -396,7 +396,7 @@ def test_gravity_floor_and_held_spheres():
     assert report.largest_overlap < 1e-9
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_ball_in_a_round_cavity_follows_its_polygon():
     """Inside a sphere each chord is as long as the first, and a ball that grazes the wall goes round it."""
     from mpp_taichi.walls._base import Surface

@@ -96,7 +96,7 @@ def test_the_floor_may_move():
         assert not run.phase.conserves_energy and not run.phase.gains_no_energy
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_two_spheres_that_fall_onto_each_other_meet_when_kepler_says():
     """Radial fall from rest at d to R: t = √(d³/2GM) (arccos √x + √(x (1 − x))), x = R/d; then back, as often as one likes."""
     d, masses, reach = 2.0, (1.0, 0.5), 0.02
@@ -120,7 +120,7 @@ def test_two_spheres_that_fall_onto_each_other_meet_when_kepler_says():
         assert abs(momentum) < 10.0 * math.sqrt(steps) * EPSILON  # speeds of 12 at contact
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("integrator, tolerances", [("adaptive_dop853", (1e-5, 1e-9, 1e-13)), (CHEAP, (1e-4, 1e-5, 1e-6))])
 def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, tolerances):
     """On a spring above a floor: y = A cos φ down to a = A/3, and up again, for ever; φ = ω t, folded at φ* = arccos (a/A)."""
@@ -149,7 +149,7 @@ def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, toleranc
         assert np.polyfit(np.log(tolerances), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_bent_path_grazes_where_geometry_says_so():
     """Kepler's ellipses with a pericentre of R (1 ± 1e-9)."""
     reach = 0.3
@@ -210,7 +210,7 @@ def test_what_touches_at_the_start_bounces_at_once_or_flies_on():
             assert abs(found.position[1, 0] - found.position[0, 0]) == pytest.approx(1.0 + 2.0 * after, abs=64.0 * EPSILON)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
     """With e = 1/2 all bounces are over after (1 + e) / (1 − e) of the first fall."""
     ball = [{"radius": 0.1, "position": [0, 1.1]}]
@@ -241,7 +241,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
         assert 0.1 <= run.snapshot().position[0, 1] < 0.1 + contact_time**2
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_no_contact_is_missed_where_many_things_attract_each_other():
     """Looked at from outside four hundred times: nothing is in anything else, whatever the solver says."""
     random = np.random.default_rng(5)
@@ -264,7 +264,7 @@ def test_no_contact_is_missed_where_many_things_attract_each_other():
         assert report.largest_overlap * radius.min() < 100.0 * EPSILON * 20.0
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("integrator", CUT_AT_CONTACTS)
 def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
     """A contact that comes after a sample is left for later, and what is remembered of it comes back with a marked state."""

@@ -116,7 +116,7 @@ def test_a_merger_keeps_mass_momentum_volume_and_centre_of_mass(dimensions, prec
         assert not after.velocity[g].any() and not after.free[g].any()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "velocity_verlet"])
 def test_fast_spheres_that_meet_merge_and_spheres_that_miss_do_not(integrator):
     """Two drift through each other's place by 10⁵ radii in a step; a pair that misses by 10⁻⁹ of a radius stays two."""
@@ -132,7 +132,7 @@ def test_fast_spheres_that_meet_merge_and_spheres_that_miss_do_not(integrator):
     assert after.position[2] == pytest.approx([500.0, 10.0, 0.0], abs=1e-12)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     """A takes up B and then, slower, C; D crosses A's old way where A would have been, and the merged sphere comes too late."""
     names = [(1.0, 0.1, [0, 0, 0], [8, 0, 0]), (1.0, 0.1, [2.2, 0, 0], [0, 0, 0]), (2.0, 0.1, [5, 0, 0], [0, 0, 0])]
@@ -152,7 +152,7 @@ def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     assert after.position[0, 0] == pytest.approx((8 + 2.2 + 2 * 5) / 4, abs=1e-14)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("dimensions", "span"), [(2, 0.4), (3, 1.5)])
 def test_a_cloud_merges_as_it_does_event_by_event(dimensions, span, monkeypatch):
     """Against NumPy, which moves everything from event to event; on the grid and on more threads to the same bits."""
@@ -180,7 +180,7 @@ def test_a_cloud_merges_as_it_does_event_by_event(dimensions, span, monkeypatch)
     assert len(set(bits)) == 1
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_list_without_room_cuts_the_drift_and_changes_nothing(monkeypatch):
     mass, radius, position, velocity = cloud(60, 2)
     scene = spheres(
@@ -234,7 +234,7 @@ def test_a_held_sphere_stays_and_a_held_axis_too():
         assert again.position[0].tolist() == [0.5, 0.2, 0.0] and not run.phase.conserves_momentum
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_gravity_after_a_merger_is_that_of_the_merged_body_alone(plan):
     """And what is gone is felt by nobody, even by a body at its very place: there 0 · 1/0 would be no number.
@@ -285,7 +285,7 @@ def collapse(count=30, *, dt=0.01, **others):
     )
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_saved_run_goes_on_bit_for_bit_and_a_restart_repeats(tmp_path):
     def bits(snapshot):
         return [getattr(snapshot, key).tobytes() for key in ("position", "velocity", "mass", "radius", "free", "merged_into")]
@@ -308,7 +308,7 @@ def test_a_saved_run_goes_on_bit_for_bit_and_a_restart_repeats(tmp_path):
         assert run.contact_report.merge_count == merged - half
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_energy_balances_to_first_order_of_the_step():
     """K + U + what merging took − what it changed of U stays, but for what U changes on the way of a merger within a step."""
     residuals = []
@@ -425,7 +425,7 @@ def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys)
         assert np.allclose(way["mass"].sum(axis=1), 1.0, rtol=0, atol=1e-14) and (way["merged_into"] == end.merged_into).all()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_more_at_once_than_there_is_room_for_ends_the_run(monkeypatch):
     """Ten in one heap, 45 pairs where 5 have room: no piece of the drift is short enough, and none is left out in silence."""
     monkeypatch.setattr(drift, "EVENTS_PER_SPHERE", 0)

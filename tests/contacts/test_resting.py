@@ -221,7 +221,7 @@ def test_a_little_less_room_than_a_sphere_needs_presses_it_on_both_sides(corner)
     assert velocity[1, 1] == pytest.approx(0.2, rel=1e-4)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_serial_and_parallel_agree(corner):
     random = np.random.default_rng(7)
     place = np.array([(4 + 1.1 * a + 0.5 * b, 0.6 + b * 1.02) for b in range(3) for a in range(3)])
@@ -261,7 +261,7 @@ def yielding(taichi):
     return Yielding()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
     """The overlap under k spheres is c k m g; they fall, rebound and come to rest there."""
     height = RADIUS + 1.05 * np.arange(COUNT) + 0.3

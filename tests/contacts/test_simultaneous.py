@@ -268,7 +268,7 @@ def test_two_balls_meet_exactly_when_and_as_they_should(table):
     assert np.abs(after[0] - ([-0.8, 0.0] + 1.8 * expected)).max() < 64 * ROUND_OFF
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
     """Two racks far apart, each with its ball, on the grid; the groups grow by the spheres that touch them."""
     rack = [(np.sqrt(0.75) * c, r - c / 2) for c in range(4) for r in range(c + 1)]

@@ -145,7 +145,7 @@ def condition(position, velocity, radius, mass, time, **where):
     return one, max(np.abs(one[0] - two[0]).max(), np.abs(one[1] - two[1]).max()) / 1e-9
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @BOTH
 @pytest.mark.parametrize("steps", [1, 40])
 def test_a_gas_follows_the_reference_through_some_ten_contacts_each(all_pairs, steps):
@@ -190,7 +190,7 @@ def test_fast_balls_of_a_box_that_repeats_meet_every_image(all_pairs):
     assert np.abs(shift).max() * max(period) < tolerance
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
     """A heavy fast sphere among light ones at rest, which leave at twice its speed: farther than partners were looked for."""
     backends.start("cpu", "f64", threads=2)
@@ -227,7 +227,7 @@ def count_builds(sweep, built):
     sweep.parts.grid.build = lambda *given: (built.append(1), build(*given))
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_partners_that_are_kept_change_no_bit_of_the_motion():
     """On a lattice with velocities along x at first, where spheres are hit from both sides at one time; then all are kicked."""
     backends.start("cpu", "f64", threads=2)
@@ -256,7 +256,7 @@ def test_partners_that_are_kept_change_no_bit_of_the_motion():
     assert 2 <= builds[0] <= 16 < 32 <= builds[1]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_spheres_that_stay_in_their_slots_move_bit_for_bit_as_those_taken_from_the_state():
     """Nothing else moves them: looked at now and then, kicked once with a word to the solver; one drift is of pieces."""
     backends.start("cpu", "f64", threads=2)
@@ -288,7 +288,7 @@ def test_spheres_that_stay_in_their_slots_move_bit_for_bit_as_those_taken_from_t
     assert builds[0] == builds[1] < 40
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_contacts_at_one_time_come_by_number_wherever_the_spheres_are():
     """A sphere is hit from both sides at once; with unlike masses the order matters, and 0 comes before 2."""
     backends.start("cpu", "f64", threads=2)
@@ -301,7 +301,7 @@ def test_contacts_at_one_time_come_by_number_wherever_the_spheres_are():
     assert -ways[0] == pytest.approx(mirrored, abs=8 * EPSILON)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_spheres_that_are_put_elsewhere_between_drifts_are_noticed():
     """All change places, without a word to the solver."""
     backends.start("cpu", "f64", threads=2)
@@ -360,7 +360,7 @@ def test_inelastic_contacts_take_the_energy_that_is_reported(all_pairs):
     assert report.dissipated_energy == pytest.approx(lost, rel=1e-12)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_too_many_contacts_are_counted_and_a_contact_time_resolves_them():
     """Three balls on a line, e below 7 − 4√3 = 0.0718: infinitely many contacts in a finite time (inelastic collapse).
 

@@ -82,7 +82,7 @@ def test_a_product_and_a_sum_are_rounded_once(real):
     assert [Fraction(float(value)) for value in once.flat] == exact
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("share", "explicit"), [(1, False), (2, True)])
 def test_other_vectors_are_written_out(share, explicit, real):
     precision, kind = real

@@ -135,7 +135,7 @@ def test_a_new_start_compiles_anew(long_ways):
     assert long_ways.count("add") == 3
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_steps_go_the_short_way_and_keep_their_bits(plan, long_ways):
     with Simulation(cluster(40), backend="cpu", precision="f64", plan=plan) as simulation:

@@ -50,7 +50,7 @@ def test_loops_run_in_order_and_so_do_those_of_functions():
     assert not np.array_equal(parallel.number.to_numpy(), np.arange(2 * COUNT))
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("solver", ["pairwise", "swept"])
 def test_spheres_move_by_the_same_bits(solver, monkeypatch):
     edge = 0.1 * 1.25 * 8  # 512 spheres, more than are looked at pair by pair

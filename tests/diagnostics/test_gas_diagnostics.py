@@ -57,7 +57,7 @@ def gas_run():
         return found, errors, simulation.contact_report
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_a_gas_has_the_collision_rate_of_theory(gas_run):
     """N Γ t / 2 = 21,000 collisions; four of the standard errors that the blocks show, and 0.5 % that the theory leaves out."""
     found, errors, _ = gas_run

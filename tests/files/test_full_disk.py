@@ -81,7 +81,7 @@ def left(*names):
     return sorted(str(path) for path in Path().glob("**/*") if path.is_file() and path.name not in ("s.yaml", *names))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RUN_OPTIONS)
 def test_a_run_without_room_for_a_file_tells_it_in_one_line(name, scene, capsys):
     with no_room(100):

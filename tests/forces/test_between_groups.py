@@ -83,7 +83,7 @@ def end_of(between, method="leapfrog", **device):
     ],
     ids=str,
 )
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 def test_every_plan_and_device_agrees(between, device, allowed, request):
     """Thirty steps round places of 2 by 2⁻²⁴ each some ten times, at random."""
     if device["backend"] == "vulkan":

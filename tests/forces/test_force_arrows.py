@@ -43,7 +43,7 @@ def expected(simulation, snapshot):
 # What a look finds
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 @pytest.mark.parametrize("dimensions", [2, 3])
@@ -55,7 +55,7 @@ def test_two_bodies_pull_at_each_other_by_the_inverse_square(precision, plan, di
     np.testing.assert_allclose(found, [[4e-3, 0, 0], [-4, 0, 0]], rtol=10 * UNIT[precision], atol=0)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("integrator", "precision", "plan"),
     [

@@ -39,7 +39,7 @@ def test_second_order_and_the_same_steps_whatever_the_eccentricity(eccentricity)
     assert slopes == pytest.approx([2.0, 2.0], abs=0.1)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_energy_error_stays_where_it_is():
     """Reversible steps: no drift over 25,000 steps. Looks fall elsewhere as the phase drifts, hence one part in a hundred."""
     _, cost, errors = orbit({"adaptive_leapfrog": {"step": 0.03}}, 0.9, 90, looks=61)

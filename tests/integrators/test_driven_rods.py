@@ -61,7 +61,7 @@ def lagrange(time, drag):
 
 @pytest.mark.parametrize("drag", [0.0, 0.4])
 @pytest.mark.parametrize("name", TAKES_BOTH)
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(6)
 def test_each_method_keeps_its_order_along_rods(name, drag):
     order = declared(name, "order")
     if drag and not declared(name, "takes_velocity"):

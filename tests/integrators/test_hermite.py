@@ -75,7 +75,7 @@ def summed(scene, precision, shape):
 
 # One force in tiles of lanes from ten bodies on, several or few bodies pair by pair; lanes and gather with either. Single
 # precision is the same text with another type, but for the number of lanes.
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("kind", "shape", "precision"),
     [
@@ -145,7 +145,7 @@ def test_order_beside_every_force(name, corrections):
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(int(name[-1]), abs=0.1)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_corrections_make_it_nearly_symmetric_in_time(name):
     """200 orbits of e = 0.3 in steps of 1/125: corrected once the energy drifts, corrected three times it does not."""

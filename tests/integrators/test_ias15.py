@@ -107,7 +107,7 @@ def test_a_step_is_iterated_until_the_changes_are_zero_or_stop_falling_or_the_li
     assert calls[None] == LAST_NODE * expected
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("eccentricity", [0.9, 0.99, 0.999])
 def test_a_hundred_orbits_end_where_they_began(eccentricity):
     scene, period = planet(eccentricity, 3, 100)
@@ -142,7 +142,7 @@ def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
     assert ends[0] == ends[1]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-13), ("f32", 1e-5)])
 def test_the_figure_eight_does_not_stall_where_an_acceleration_is_zero(precision, limit):
     """At T/6 a body passes the centre between the two others: its acceleration is zero, and no measure of a step may be."""
@@ -208,7 +208,7 @@ def test_a_collision_is_said_and_not_stepped_over():
         assert np.isfinite(run.snapshot().position).all()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_drag_and_a_force_in_time_against_closed_forms():
     scene = TWO_BODY | {
         "forces": [{"linear_drag": {"coefficient": 0.7}}, {"uniform_gravity": {"acceleration": [0, -2]}}],
@@ -224,7 +224,7 @@ def test_drag_and_a_force_in_time_against_closed_forms():
     )
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_replicas_go_on_alone_and_give_the_bits_of_one():
     scene, period = planet(0.6, 5, 4)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -240,7 +240,7 @@ def test_replicas_go_on_alone_and_give_the_bits_of_one():
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_going_back_gives_the_same_bits_again():
     scene, period = planet(0.6, 5, 4)
     with Simulation(scene, backend="cpu", precision="f64") as run:
@@ -255,7 +255,7 @@ def test_going_back_gives_the_same_bits_again():
         )
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_energy_error_grows_like_round_off():
     """Brouwer's law: the rms over an ensemble grows with the root of the number of steps; a bias would make it grow with it."""
     scene, period = planet(0.3, 1, 4000)

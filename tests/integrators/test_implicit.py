@@ -123,7 +123,7 @@ def energies(simulation, dt, steps=60):
     return np.array(found)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_there_is_damping(make):
     with Simulation(make("energy_momentum", 0.02, 0.05), backend="cpu", precision="f64") as simulation:
@@ -335,7 +335,7 @@ def test_the_summary_tells_what_the_solver_did(tmp_path, capsys):
     assert found["unsolved_steps"] == 0 and "Newton iterations a step" in out.err
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_implicit_replicas_equal_their_single_runs():
     scene = everything(integrator="bdf2")
     with Simulation(scene, backend="cpu") as simulation:

@@ -53,7 +53,7 @@ def test_a_run_forward_and_backward_returns_to_the_very_bits(order, plan, precis
     assert np.abs(turn.position - start.position).max() > (0.1 if plan == "serial" else 0.01)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("order", TABLES)
 def test_orders_and_energy_errors_are_those_of_the_tables(order):
     """Positions against Kepler's equation, and the errors of energy against those of the splitting itself."""
@@ -91,7 +91,7 @@ def test_positions_are_those_of_rebound():
     assert np.abs(end.position - [p.xyz for p in other.particles]).max() < 1e-10
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_replicas_have_the_bits_of_one_and_going_back_to_a_mark_too():
     scene = chaos(order=4)
     with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:
@@ -121,7 +121,7 @@ def flight(**parameters):
     }
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_the_end_of_the_lattice_ends_the_run_and_says_where(plan):
     with Simulation(flight(), backend="cpu", precision="f64", plan=plan) as simulation:
@@ -136,7 +136,7 @@ def test_the_end_of_the_lattice_ends_the_run_and_says_where(plan):
         assert simulation.run(steps=4000).snapshot().position[1, 0] == 1001.0
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_velocity_may_leave_the_lattice_too():
     """Two bodies at rest that meet without softening: the force at 1e-9 is beyond any velocity of the lattice."""
     scene = kepler(0.3, integrator="janus")

@@ -128,7 +128,7 @@ def test_the_energy_error_is_bounded_and_of_second_order():
 
 
 @pytest.mark.parametrize("name", [each for each in TAKES_RODS if component.flag("integrators", each, "order") % 2 == 0])
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 def test_a_run_backwards_comes_home(name):
     with Simulation(double_pendulum({name: {"dt": 5e-3}}), backend="cpu") as s:
         start = s.snapshot()

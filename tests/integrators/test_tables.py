@@ -215,7 +215,7 @@ def bob_reference(simulation, drag):
     return solve_ivp(slopes, (0.0, simulation.time), y, method="DOP853", rtol=1e-13, atol=1e-15, max_step=0.02).y[:3, -1]
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", MORE_TABLES)
 def test_order_with_drive_and_friction_and_the_amplification_matrix(name):
     method = component.build("integrators", name, {"dt": 1.0})

@@ -107,7 +107,7 @@ def test_the_series_obeys_newtons_law(count, dimensions):
         assert np.abs(bent - expected).max() < 64 * ULP * np.abs(pull).sum(1).max()
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_orbits_end_where_they_began():
     """A hundred orbits at e = 0.6, 0.9 and 0.99, copies of one scene. Energy: round-off, a sum of some 10⁴ steps.
 
@@ -224,7 +224,7 @@ def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
     assert ends[0] == ends[1]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_going_back_gives_the_same_bits_again_and_so_do_replicas():
     scene, period = planet(0.6, 5, 4)
     with Simulation(taylor(scene), backend="cpu", precision="f64") as run:
@@ -244,7 +244,7 @@ def test_going_back_gives_the_same_bits_again_and_so_do_replicas():
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_energy_error_grows_like_round_off():
     """Brouwer's law: the rms over an ensemble grows with the root of the number of steps; a bias would make it grow with it."""
     scene, period = planet(0.3, 1, 4000)

@@ -130,7 +130,7 @@ def test_a_parabola_is_barkers_and_a_comet_may_fall_straight_in(solver):
     assert found[:, 0] == pytest.approx((4.5 * (since + times) ** 2) ** (1 / 3), rel=1e-12)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_solution_that_is_not_found_ends_the_run_with_its_name(monkeypatch):
     monkeypatch.setattr(_kepler, "MOST", 1)
     scene = kepler(0.9, dt=1.0, integrator="wisdom_holman")
@@ -200,7 +200,7 @@ def by_rebound(run, until, dt=None, kernel="default"):
     return np.array([p.xyz for p in other.particles])
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("corrector", "power", "ratios"), [(0, 1, (1e-4, 1e-5)), (17, 2, (1e-3, 1e-4))])
 def test_the_error_is_of_second_order_in_the_step_and_of_the_masses_or_their_square(corrector, power, ratios):
     span, errors = 64.0, {}
@@ -242,7 +242,7 @@ def test_steps_are_those_of_whfast(kernel):
         assert np.abs(run.snapshot().position - expected).max() > 1e-6, "WHFast at another step is told apart"
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_looks_change_no_bit_and_lie_on_the_motion():
     ends = []
     with Simulation(OUTER, backend="cpu", precision="f64") as run:
@@ -328,7 +328,7 @@ def scattered(order):
     }
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_any_order_of_the_bodies_and_massless_ones_give_the_same_motion():
     ends = []
     for order in ((0, 1, 2, 3, 4, 5), (5, 3, 1, 4, 0, 2)):
@@ -344,7 +344,7 @@ def test_any_order_of_the_bodies_and_massless_ones_give_the_same_motion():
     assert np.abs(ends[0] - expected).max() < 1e-5
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_replicas_marks_and_steps_back():
     scene = two_planets(1e-3, 0.2, 0)
     with Simulation(scene, backend="cpu", precision="f64") as run:

@@ -23,7 +23,7 @@ CASES = {
 }
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", ["f32", "f64"])
 def test_it_is_the_sum_over_all_pairs_and_gives_no_momentum(case, name):

@@ -76,7 +76,7 @@ def test_in_two_dimensions_forces_keep_the_accuracy_where_pulls_cancel():
             assert np.percentile(placed(plane, kind, accuracy), 99) <= accuracy
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_a_thread_for_each_body_keeps_the_accuracy_where_pulls_cancel():
     """The walk of GPUs, here on the CPU."""
     backends.start("cpu", "f64", threads=2)

@@ -68,7 +68,7 @@ def rounding(precision, count):
 
 
 # The order of every method beside friction is asked in test_integrators; here are regimes, and single precision.
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*ALSO_IN_F32, "implicit_euler", "energy_momentum"])
 def test_an_oscillator_of_each_regime_follows_the_closed_form_to_the_order(name):
     order = order_of(name)
@@ -140,7 +140,7 @@ def test_a_radial_orbit_passes_through_the_place_of_the_other_end():
         np.testing.assert_allclose(simulation.snapshot().position[1], [-0.8, 0, 0], atol=1e-8)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_springs_between_the_same_particles_add():
     single = hard_networks.chain_of([1.0], [3.0], damping=0.5)
     double = hard_networks.chain_of([1.0], [1.0], damping=0.2)
@@ -181,7 +181,7 @@ def test_a_spring_of_stiffness_zero_leaves_its_ends_alone_or_only_brakes_them():
 # --- hard networks ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", ["leapfrog", "rk4"])
 def test_a_smooth_network_keeps_its_energy_to_the_order_of_the_method(make, name):

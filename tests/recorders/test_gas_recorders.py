@@ -157,7 +157,7 @@ def test_a_log_that_cannot_be_written_says_so(tmp_path):
     assert len(EventLogRecorder().columns()["time"]) == 0
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_the_log_of_an_event_driven_run_is_its_count():
     """Two balls and a wall: 0.8 apart at speed 1, the one that was hit meets the wall 0.9 further on and comes back."""
     balls = [{"body": {"mass": 2, "radius": 0.1, "position": [x, 0], "velocity": [v, 0]}} for x, v in ((0, 1), (1, 0))]

@@ -153,7 +153,7 @@ MOVES = {
 }
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("system", "precision"), [(GRAVITY, "f64"), (GRAVITY, "f32"), (SPRINGS, "f64"), (SPRINGS, "f32")])
 def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision, tmp_path, compilations):
     scene = tmp_path / "scene.yaml"
@@ -230,7 +230,7 @@ def test_a_slider_moves_the_springs_of_its_own_network_alone(plan):
             simulation.set(path, value)
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_a_number_that_is_loaded_gives_the_bits_of_one_that_is_compiled(tmp_path):
     events = "".join(f"  - {{at: {at}, set: {{{STRENGTH}: {value}}}}}\n" for at, value in ((0.5, 1.7), (0.9, 0.3), (1.3, 4)))
     text = f"run: {{duration: 2}}\n{BODIES}{GRAVITY}timeline:\n{events}"

@@ -88,7 +88,7 @@ def test_a_sample_of_more_own_steps_than_can_be_counted_is_refused():
         simulation.run(steps=1)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("speed", [1e-9, 1e-20])
 @pytest.mark.parametrize("held", [True, False])
 @pytest.mark.parametrize("method", ["adaptive_bogacki_shampine", "adaptive_dop853", "ias15"])

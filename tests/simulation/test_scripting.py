@@ -42,7 +42,7 @@ def test_what_is_set_holds_from_then_on(stone):
     assert stone.phase_work == [2.0 * -(3.0 + 2.0) * 1.0]  # −m Δg · z: the field rose while the stone was at z = 1
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_setting_is_what_a_timeline_does(stone):
     change = {"forces.uniform_gravity.acceleration": [0.3, 0, 1 / 3], "forces.linear_drag.coefficient": 0.7}
     stone.run(until=1.0)
@@ -54,7 +54,7 @@ def test_setting_is_what_a_timeline_does(stone):
         assert by_timeline.phase_work == stone.phase_work and stone.phase_number == 1
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(3)
 def test_what_was_set_is_kept_and_can_be_run_again(stone, tmp_path):
     stone.run(steps=3)
     stone.set("forces.uniform_gravity.acceleration", [0, 0, 0])

@@ -97,7 +97,7 @@ def test_bisection_finds_the_first_bad_step(broken_at):
     assert now[0] == broken_at - 1
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_software_vulkan_is_not_trusted_with_more_loop_iterations_than_it_makes(software_vulkan):
     with Simulation(cluster(40), backend="vulkan", precision="f32", plan="serial") as simulation:
         limit = simulation.device.probes.loop_limit

@@ -46,7 +46,7 @@ def test_deviations_are_the_derivative_of_the_run(name):
 
 @pytest.mark.parametrize("name", TAKES_TANGENT)
 @pytest.mark.parametrize("scene", [everything, lambda integrator: kepler(integrator=integrator)], ids=["everything", "kepler"])
-@pytest.mark.sampled(10)
+@pytest.mark.sampled(6)
 def test_a_tangent_changes_no_bit_of_the_run(name, scene):
     ends = []
     for written in (scene(integrator=name), with_tangent(scene(integrator=name))):

@@ -30,7 +30,7 @@ def scene_of(forces, **more):
 
 
 @pytest.mark.parametrize("forces", [*([{"pair": {"potential": text}}] for text in PAIRS), [FIELD]], ids=[*PAIRS, "field"])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(3)
 def test_deviations_are_the_derivative_of_the_run(forces):
     scene = scene_of(forces)
     with Simulation(scene, backend="cpu", precision="f64") as simulation:

@@ -128,7 +128,7 @@ def test_every_listed_benchmark_exists_and_accepts_its_arguments(tmp_path):
             assert (ROOT / call[1]).is_file() and "--json" in call
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_a_short_run_writes_the_page(tmp_path):
     """Runs the command once, with the fastest of the benchmarks."""
     words = ["--short", "--only", "event_driven", "--folder", str(tmp_path), "--page", str(tmp_path / "page.md")]
