@@ -1,7 +1,10 @@
 """The state of objects: taken out, and put into objects that were made anew."""
 
+from collections import deque
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from mpp_taichi.archive import object_state
 from mpp_taichi.archive.values import pack, unpack
@@ -33,6 +36,18 @@ def test_objects_have_the_same_numbers_and_still_share_what_they_shared():
     assert live["table"]._largest["way"] == 0.5
     assert live["watchdog"].table is live["table"]
     assert (live["watchdog"]._seen, live["watchdog"].broken_at) == (2, 1.5)
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB"])
+def test_pictures_and_queues_have_the_same_contents(mode):
+    picture = Image.frombytes(mode, (3, 2), bytes(range(6 * len(mode))))
+    kept, live = with_samples(), watched()
+    kept["table"].rows.append({"last": deque([1.5, [2, "b"]], 4), "drawn": picture, "again": picture})
+    object_state.restore(unpack(pack(object_state.captured(kept))), live)
+    row = live["table"].rows[-1]
+    assert row["last"] == deque([1.5, [2, "b"]]) and row["last"].maxlen == 4
+    assert (row["drawn"].mode, row["drawn"].size, row["drawn"].tobytes()) == (mode, (3, 2), picture.tobytes())
+    assert row["again"] is row["drawn"] is not picture  # as before, one picture that is held twice
 
 
 def test_functions_of_the_process_stay():

@@ -318,6 +318,16 @@ def test_steps_of_a_tipsy_scene_are_a_hundredth_of_its_dynamical_time(tmp_path):
     assert scene["integrator"]["leapfrog"]["dt"] == pytest.approx(0.01 * math.sqrt(3**1.5 / 4), rel=1e-12)
 
 
+@pytest.mark.parametrize("mass", [0.0, 2.0])
+def test_a_tipsy_scene_without_mass_or_extent_has_steps_of_a_hundredth(tmp_path, mass):
+    table = np.zeros((2, DARK))
+    table[:, 0], table[:, 1] = mass, 3.0
+    if not mass:
+        table[1, 1] = -3.0
+    _, scene = import_scene(written(tmp_path, "pair.std", tipsy([np.zeros((0, GAS)), table, np.zeros((0, STAR))])))
+    assert scene["integrator"]["leapfrog"]["dt"] == 0.01
+
+
 def test_what_a_tipsy_scene_loses_is_told(tmp_path, capsys):
     tables = particles(eps=0.25, extra=7.0)
     tables[1][0, 7] = 0.5

@@ -237,6 +237,19 @@ def test_the_membrane_has_the_periods_of_the_paper():
     assert found.source == "lattice theory"
 
 
+def test_springs_without_an_end_in_the_sheet_change_none_of_its_modes():
+    """A body hangs on the sheet by a spring, which counts, and on a hook by another, which does not."""
+    scene, found = sheet(), []
+    scene["particles"] += [{"body": {"name": name, "mass": 1, "position": [0, 0, z]}} for name, z in (("body", 1), ("hook", 2))]
+    scene["springs"].append({"link": {"between": ["sheet[27]", "body"], "stiffness": 1}})
+    hook = {"link": {"between": ["body", "hook"], "stiffness": 1000}}
+    for springs in (scene["springs"], [*scene["springs"], hook]):
+        spec = load_scene({**scene, "springs": springs})
+        found.append(find_modes(spec, assemble(spec), of="sheet", show=[(1, 1, 1)], along="z"))
+    assert all("other springs" in each.source for each in found)
+    assert found[0].modes[0].angular_frequency == found[1].modes[0].angular_frequency
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -34,6 +34,14 @@ def test_the_motion_is_that_of_the_run_and_leaves_no_trace() -> None:
     assert after.step == end.step
 
 
+@pytest.mark.parametrize(("most", "moments"), [(60, 30), (61, 30), (15, None)])
+def test_many_particles_have_fewer_moments_or_none(monkeypatch, most, moments) -> None:
+    monkeypatch.setattr(motion, "MOST_PLACES", most)
+    with Simulation(kepler(), backend="cpu", precision="f64") as simulation:
+        ahead = motion_ahead(simulation, SPAN)
+    assert ahead is None if moments is None else ahead.shape == (2 * (moments + 1), 4)  # the first place, too
+
+
 class Pictures:
     """A view that keeps the motion of its frames."""
 
