@@ -5,7 +5,7 @@ import pytest
 
 import mpp_taichi as mpp
 from mpp_taichi.horizon.horizon import Horizon
-from mpp_taichi.horizon.samples import even_and_early
+from mpp_taichi.horizon.samples import even_and_early, sample_times
 from mpp_taichi.horizon.search import compile_step, find
 from scenes import kepler
 
@@ -147,6 +147,12 @@ def test_samples_lie_at_even_distances_and_early():
     assert even_and_early(480, 4) == [1, 2, 4, 8, 16, 32, 64, 120, 240, 360, 480]
     assert even_and_early(3, 3) == [1, 2, 3]
     assert even_and_early(0, 0) == []
+
+
+def test_a_method_that_chooses_its_steps_is_looked_at_at_even_times():
+    with mpp.Simulation(kepler(integrator="ias15"), backend="cpu", precision="f64") as simulation:
+        times = sample_times(simulation, 2.0, 8)
+    np.testing.assert_array_equal(times, np.arange(1, 9) / 4)
 
 
 def test_the_sentences_say_what_was_found():

@@ -161,6 +161,19 @@ def test_a_large_network_is_followed_as_far_as_is_claimed(jitter):
     assert vector @ found.bonds.product(vector) == pytest.approx(found.value, rel=1e-9)
 
 
+@pytest.mark.parametrize(("damping", "limit"), [(0.012, 0.012), (0.006, 0.006), (0.0016, 0.0016), (0.001, 0.0)])
+def test_a_method_that_damping_alone_keeps_stable_has_a_limit_below_the_first_angle(damping, limit):
+    """Explicit Euler on (x, v dt): its determinant is 1 − γ dt + (ω dt)², so that it is stable up to dt = γ/ω², here with ω = 1."""
+
+    def euler(angle, damped):
+        return np.array([[1.0, 1.0], [-(angle**2), 1.0 - damped]])
+
+    # The determinant may be above 1 by ROUNDING. As γ dt − dt² has the slope γ at the limit, this is worth ROUNDING/γ² of the
+    # limit; twice as much for the rounding of the determinant itself. The search goes down to 1.25e-3.
+    allowed = 2.0 * step_limit.ROUNDING / damping**2
+    assert step_limit.largest_stable_step(euler, 1.0, damping) == pytest.approx(limit, rel=allowed)
+
+
 def test_springs_without_a_direction_count_in_full():
     springs = Springs(np.array([[0, 1]], np.int32), np.array([8.0]), np.zeros(1), np.array([1.0]), np.ones((1, 3)))
     snapshot = snapshot_of(np.zeros((2, 3)), mass=[1.0, 1.0], springs=springs)
