@@ -49,7 +49,9 @@ def test_a_shell_lies_about_its_centre_and_its_formulas_point_outwards():
     for grown in (0.0, 0.2):
         shell = {"name": "skin", "divisions": 2, "mass": 0.7, "center": [3, -2, 1]}
         shell["displacement"] = [f"{grown}*{axis}" for axis in "XYZ"]
-        places.append(assemble(load_scene({"particles": [{"shell": shell}], "integrator": {"leapfrog": {"dt": 0.01}}})).position)
+        places.append(
+            assemble(load_scene({"particles": [{"shell": shell}], "integrator": {"leapfrog": {"dt": 0.01}}})).position
+        )
     away = [np.linalg.norm(each - [3, -2, 1], axis=1) for each in places]
     # A shell of 42 places is symmetric about its centre; places and lengths near 4 are rounded a few times.
     assert np.abs(places[0].mean(axis=0) - [3, -2, 1]).max() < 1e-14

@@ -163,7 +163,7 @@ def test_a_large_network_is_followed_as_far_as_is_claimed(jitter):
 
 @pytest.mark.parametrize(("damping", "limit"), [(0.012, 0.012), (0.006, 0.006), (0.0016, 0.0016), (0.001, 0.0)])
 def test_a_method_that_damping_alone_keeps_stable_has_a_limit_below_the_first_angle(damping, limit):
-    """Explicit Euler on (x, v dt): its determinant is 1 − γ dt + (ω dt)², so that it is stable up to dt = γ/ω², here with ω = 1."""
+    """Explicit Euler on (x, v dt) has the determinant 1 − γ dt + (ω dt)²: it is stable up to dt = γ/ω², here with ω = 1."""
 
     def euler(angle, damped):
         return np.array([[1.0, 1.0], [-(angle**2), 1.0 - damped]])
