@@ -168,6 +168,22 @@ def test_a_ring_moves_with_what_it_is_around():
     assert np.mean(snapshot.position[1:, 2]) == 7.0
 
 
+def test_a_ring_is_around_the_body_that_it_names_among_several():
+    ring = {"ring": {"count": 50, "around": "b", "inner_radius": 1, "outer_radius": 2, "velocity": "rest"}}
+    bodies = [body(name=name, position=(10 * k, 0, 0), velocity=[k, 0, 0]) for k, name in enumerate("abc")]
+    snapshot = made([*bodies, ring])
+    distance = np.linalg.norm(snapshot.position[3:] - [10, 0, 0], axis=1)
+    assert 1.0 <= distance.min() and distance.max() <= 2.0
+    assert np.array_equal(snapshot.velocity[3:], np.broadcast_to([1.0, 0.0, 0.0], (50, 3)))
+
+
+def test_a_state_file_keeps_time_step_and_dt(tmp_path):
+    state = replace(made([body()]), time=2.5, step=7, dt=0.125)
+    state.save(tmp_path / "state.npz")
+    found = Snapshot.load(tmp_path / "state.npz")
+    assert (found.time, found.step, found.dt) == (2.5, 7, 0.125)
+
+
 # --- determinism --------------------------------------------------------------------------------------------------------
 
 
