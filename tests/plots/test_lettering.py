@@ -49,6 +49,19 @@ def ink_box(picture: Image.Image) -> tuple[int, int, int, int]:
     return columns.min(), rows.min(), columns.max(), rows.max()
 
 
+def test_a_line_of_two_fonts_lies_on_about_or_below_its_place(two_fonts):
+    """Capitals stand on the place, have it between their top and their bottom, or hang below it."""
+    boxes = {}
+    for anchor in ("ls", "lm", "la"):
+        picture = blank()
+        Lettering(18).write(picture, (20, 30), "HЖH", WHITE, anchor=anchor)
+        boxes[anchor] = ink_box(picture)
+    assert len(runs("HЖH")) == 3
+    assert boxes["ls"][3] in (29, 30)  # the last row above the base line
+    assert boxes["lm"][1] < 30 < boxes["lm"][3]
+    assert boxes["la"][1] >= 30
+
+
 @pytest.mark.parametrize("anchor", ["la", "mm", "lm", "ra"])
 def test_a_line_that_the_font_has_is_drawn_as_by_pillow(anchor):
     place, text = (150.25, 20.5), "t = 1.5 d, σ Ж é"
