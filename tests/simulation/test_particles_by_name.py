@@ -30,7 +30,8 @@ def test_particles_are_found_and_read_at_the_present_time():
     with Simulation(GROUPS, backend="cpu") as simulation:
         earth, dust = simulation.particles["earth"], simulation.particles["dust"]
         assert (earth.index, earth.name, earth.mass, earth.charge) == (6, "earth", 3e-6, 2.0)
-        assert list(earth.position) == [3, 0, 0] and list(earth.momentum) == [0, 3e-6 * 0.5, 0]
+        assert list(earth.position) == [3, 0, 0] and list(earth.velocity) == [0, 0.5, 0]
+        assert list(earth.momentum) == [0, 3e-6 * 0.5, 0]
         assert len(simulation.particles) == 7 and len(dust) == 5 and dust.indices == range(1, 6)
         for part, rows in (("dust[1:3]", [2, 3]), (slice(None, None, 3), [0, 3, 6]), (slice(0, 0), [])):
             found = simulation.particles[part]
