@@ -110,7 +110,7 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
-        if declared.flags.get("is_formula"):  # there is no end of formulas
+        if declared.flags.get("is_formula") or declared.flags.get("needs_gravity"):  # of formulas there is no end
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue

@@ -10,6 +10,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.arithmetic.force_numbers import components, vector_of, where
+from mpp_taichi.arithmetic.particle_update import velocity_seen
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -43,6 +44,9 @@ class Force:
     takes_any_numbers = False  # the formula is right for every kind of KernelNumber: in df64, tangents and lanes
     takes_low_parts = True  # and in df64; double-single numbers have no exponentials, say, and no time
     has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own
+    needs_gravity = False  # corrects Newton's gravity, the whole of which must stand beside it
+    may_give_energy = False  # depends on velocity, and does not only brake
+    mixes_velocities = False  # is not linear in the velocities of other particles
 
 
 @ti.func
@@ -81,6 +85,10 @@ class ExternalForce(Force):
     def see(self, start: Snapshot) -> None:
         """Take what the force needs to know of the particles at the start of the scene."""
 
+    def parts(self) -> "tuple[ExternalForce, ...]":
+        """The forces that are summed for this force: itself, or one without velocities beside one of velocities."""
+        return (self,)
+
     def work_fields(self) -> dict[str, tuple[str, int]]:
         """Kind and count of the fields that the force needs in the state, by name."""
         return {}
@@ -92,6 +100,13 @@ class ExternalForce(Force):
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """Acceleration of particle i at this velocity and time [length / time²]."""
+
+    @ti.func
+    def acceleration_gained(self, state: Template, slopes: Template, h, i, time):
+        """Change of the acceleration of particle i when all velocities change by h times the velocities of `slopes`."""
+        before = velocity_seen(state, i)
+        after = before + h * velocity_seen(slopes, i)
+        return self.accelerate(state, i, after, time) - self.accelerate(state, i, before, time)
 
     @ti.func
     def derivatives(self, state: Template, i, time):

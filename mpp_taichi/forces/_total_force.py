@@ -64,7 +64,7 @@ class TotalForce:
         self.particle_count = particle_count
         self.dimensions = dimensions
         pairs = tuple(part for force in forces if isinstance(force, PairForce) for part in parts_of(force))
-        self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
+        self.external = tuple(part for force in forces if isinstance(force, ExternalForce) for part in force.parts())
         self.looks = (*((limits,) if self.has_limits else ()), *(force for force in self.external if force.gathers))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1
@@ -78,12 +78,13 @@ class TotalForce:
             )
         self.by_tree, self.by_lists = self.pair_solver == "tree", self.pair_solver == "lists"
         self.sums_apart = self.by_tree or self.by_lists  # pairs in launches of their own, by all threads together
-        others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
+        others = [force for force in (*self.external, *self.bonds) if not force.depends_on_velocity]
         self.has_pairs_alone = self.has_pairs and not others
         self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
         self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
-        self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
+        self.mixes_velocities = any(force.mixes_velocities for force in forces)
+        self.has_velocity_independent = len(pairs) > 0 or len(others) > 0
         self.slices: Any = None  # SpringSlices, where the springs are summed for all particles at once
 
     @property
@@ -129,6 +130,7 @@ class TotalForce:
         """The fields that the sum needs in the state: kind and count by name."""
         owners = (self.rods, self.pair_sum if self.by_lists else None, self.limits, *self.external)
         found = {name: field for each in owners if each is not None for name, field in each.work_fields().items()}
+        found |= {"kick_slope": ("vector", self.particle_count)} if self.mixes_velocities else {}
         return found | (self.slices.work_fields(self.dimensions) if self.has_slices else {})
 
     @property
@@ -184,10 +186,9 @@ class TotalForce:
     def gains_no_energy(self) -> bool:
         """Whether every force has a potential or brakes, so that energy must not grow.
 
-        Drag and friction brake; other forces without a potential, and formulas of the velocity, may give energy.
+        Drag and friction brake; tides, formulas of the velocity and forces without a potential may give energy.
         """
-        brakes = (force.conserves_energy or (force.depends_on_velocity and not force.is_formula) for force in self.forces)
-        return not self.has_given and all(brakes)
+        return not self.has_given and all(force.conserves_energy or _only_brakes(force) for force in self.forces)
 
     @property
     def needs(self) -> frozenset:
@@ -244,9 +245,7 @@ class TotalForce:
         result = zero_vector(state)
         for force in ti.static(self.external):
             if ti.static(force.depends_on_velocity):
-                before = velocity_seen(state, i)
-                after = before + h * velocity_seen(slopes, i)
-                result += force.accelerate(state, i, after, time) - force.accelerate(state, i, before, time)
+                result += force.acceleration_gained(state, slopes, h, i, time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity):
                 if ti.static(sliced and self.has_slices):
@@ -393,3 +392,7 @@ class TotalForce:
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
                 result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], own_entry(state, first, h))
         return result
+
+
+def _only_brakes(force: Force) -> bool:
+    return force.depends_on_velocity and not force.is_formula and not force.may_give_energy

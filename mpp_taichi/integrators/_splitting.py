@@ -43,6 +43,7 @@ class Splitting(Integrator):
     takes_paths = True
     takes_any_numbers = True
     sums_slices = True
+    solves_kicks = True  # from order 6 on with its order only for forces that are linear in all velocities
     launchers = Launchers(vectors=True)
 
     @property
@@ -185,7 +186,7 @@ class Splitting(Integrator):
         if total_force.has_rods:
             slopes = self.slope_count(total_force)
             drifts = sum(part != 0.0 for part in self.drift_parts[k]) if k == 0 else self.most_parts
-            return (0 if kick == 0.0 else 2 * slopes) + drifts
+            return (0 if kick == 0.0 else 2 * slopes + (slopes > 1 and total_force.mixes_velocities)) + drifts
         if kick == 0.0:
             return 1 if drift != 0.0 else 0
         if total_force.depends_on_velocity:
@@ -193,7 +194,7 @@ class Splitting(Integrator):
             return (
                 slopes * (1 + total_force.slice_loops(True))
                 + (total_force.slice_loops(False) if self.sums(k, total_force) else 0)
-                + (slopes == 1 and not only_turns(total_force))
+                + ((slopes == 1 and not only_turns(total_force)) or total_force.mixes_velocities)
                 + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
             )
         if not self.sums(k, total_force):
@@ -367,12 +368,15 @@ class Splitting(Integrator):
                         state, state.moving_as_scratch[s - 1], gained, first, i, time, True
                     )
                 if ti.static(s == len(end) - 1 and s > 0):
-                    if ti.static(state.carries_low):
+                    if ti.static(state.carries_low or total_force.mixes_velocities):
                         whole = end[s] * slope
                         for k in ti.static(range(s)):
                             if ti.static(end[k] != 0.0):
                                 whole += end[k] * state.scratch[k][i]
-                        kick_particle(state, i, h, 2 * stage, whole)
+                        if ti.static(total_force.mixes_velocities):
+                            state.kick_slope[i] = whole  # the last slopes of other particles read the velocity
+                        else:
+                            kick_particle(state, i, h, 2 * stage, whole)
                     else:
                         velocity = copied(state.velocity[i])
                         for k in ti.static(range(s)):
@@ -387,3 +391,6 @@ class Splitting(Integrator):
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, h, 2 * stage, state.scratch[0][i])
+        elif ti.static(total_force.mixes_velocities):
+            for i in range(first, first + total_force.particle_count):
+                kick_particle(state, i, h, 2 * stage, state.kick_slope[i])

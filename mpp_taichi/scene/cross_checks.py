@@ -7,6 +7,7 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.path_checks import check_changing_numbers, check_paths
 from mpp_taichi.scene.periodic_forces import check_periodic_forces
+from mpp_taichi.scene.relativity_checks import check_relativity
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
 from mpp_taichi.scene.view_checks import check_view
@@ -28,6 +29,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     check_tree(spec, faults)
     check_periodic_forces(spec, faults)
     check_dihedrals(spec, faults)
+    check_relativity(spec, faults)
     names = [entry.label for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
         if entry.label in names[:number]:

@@ -15,6 +15,7 @@ from mpp_taichi.scene.formulas.laws import is_formula
 from mpp_taichi.scene.groups import acts
 from mpp_taichi.scene.integrator_checks import bath_faults, planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.relativity_checks import relativity_faults
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -29,7 +30,8 @@ def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *
     """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
     always = (_numbers, _masses, _rates, _friction, planetary_faults, bath_faults, _formulas, _hinges, _skins)
-    for check in always if moved else (*always, line_faults, _coincidences, _center_of_mass):
+    at_start = (line_faults, _coincidences, _center_of_mass, relativity_faults)
+    for check in always if moved else (*always, *at_start):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):

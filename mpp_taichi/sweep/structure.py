@@ -112,7 +112,7 @@ def why_alone(spec: SceneSpec) -> str:
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
     if spec.forces_with("gathers"):
-        return "the area inside a skin is that of one copy"
+        return "an area inside a skin or a sum of relativity is that of one copy"
     if spec.limited_springs:
         return "springs break and yield in one copy at a time"
     return ""
