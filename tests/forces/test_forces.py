@@ -17,8 +17,8 @@ from mpp_taichi.snapshot import Springs
 from scenes import kepler
 
 FORCES = component.names("forces")
-# Their energy depends on velocities; they have files of tests of their own.
-OF_MOTION = ("einstein_infeld_hoffmann",)
+# Their energy depends on velocities, or they act at rest without a potential; both have files of tests of their own.
+OF_MOTION = ("einstein_infeld_hoffmann", "mutual_tides")
 OTHERS = [name for name in FORCES if name not in OF_MOTION]
 STEP = 1e-5  # of the central difference: its error ~ STEP² U''' and the round-off ~ 1e-16 U / STEP balance near here
 
