@@ -120,6 +120,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if found["force_evaluations_per_step"] is None:
         evaluations = "as many force evaluations as each step needs"
     widest = max(20, *(len(name) + 2 for name in found["fields"]))
+    name = max(20, *(len(row["effect"]) + 2 for row in (*found["shares"], *found["absent"])))
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs"
         + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),
@@ -131,9 +132,9 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"memory     {_bytes(found['field_bytes'])} in fields, {_memory(found)}",
         *(f"           {name:{widest}s}{_bytes(size)}" for name, size in found["fields"].items()),
         f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
-        *(f"           {row['effect']:20s}{_share(row, ' of it')}" for row in found["shares"]),
+        *(f"           {row['effect']:{name}s}{_share(row, ' of it')}" for row in found["shares"]),
         "absent     what each would add to a step",
-        *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
+        *(f"           {row['effect']:{name}s}{_share(row)}" for row in found["absent"]),
         *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
         f"dt         {found['dt']:.6g}; {found['dt_said']}",
         *(f"{head:10s} {text}" for head, text in network_lines(found)),
