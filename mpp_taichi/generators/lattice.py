@@ -31,6 +31,7 @@ class Lattice(Generator):
     upper: Vector = param(unit="length", help="position of the last particle, the opposite corner")
     mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each particle")
     radius: float = param(0.0, minimum=0.0, unit="length")
+    charge: float = param(0.0, unit="charge", help="charge of each particle")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     fixed: str = param(
         "none",
@@ -67,6 +68,7 @@ class Lattice(Generator):
             velocity=self._values("velocity", self.velocity, fractions),
             mass=self.mass,
             radius=self.radius,
+            charge=self.charge,
             color=self.color,
             free=free,
         )

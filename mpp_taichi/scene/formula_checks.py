@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.scene.formulas.grammar import kinks
-from mpp_taichi.scene.formulas.laws import is_formula, live_names, texts_of
+from mpp_taichi.scene.formulas.laws import PREFIX, is_formula, live_names, texts_of
 from mpp_taichi.scene.groups import acts, is_in
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
@@ -49,6 +49,19 @@ def warn_of_kinks(spec: SceneSpec) -> None:
             for name, character in kinks(text.expression):
                 place = replace(text.place, column=text.place.column + character) if text.place.column else text.place
                 log.warning("%s: %s: %s has a kink, at which a step loses its order", place, entry.label, name)
+
+
+def warn_of_unused(spec: SceneSpec) -> None:
+    """Log a warning for each number under `parameters:` of a formula whose name stands in no text of its force."""
+    for entry in spec.forces:
+        given = [name.removeprefix(PREFIX) for name in entry.parameters if name.startswith(PREFIX)]
+        if given:
+            cutoff = entry.parameters.get("cutoff")
+            texts = [*texts_of(entry), *([] if cutoff is None else [cutoff])]
+            used = frozenset().union(*(text.expression.names for text in texts))
+            unused = ", ".join(name for name in given if name not in used)
+            if unused:
+                log.warning("%s: %s: no formula of it uses %s of its parameters", entry.location, entry.label, unused)
 
 
 def chosen(count: int) -> np.ndarray:

@@ -60,9 +60,10 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
 
 def _warn_of_formulas(spec: SceneSpec) -> None:
     if any(is_formula(entry.name) for entry in spec.forces):
-        from mpp_taichi.scene.formula_checks import warn_of_kinks  # with SymPy, only where there is a formula
+        from mpp_taichi.scene.formula_checks import warn_of_kinks, warn_of_unused  # with SymPy, only where there is a formula
 
         warn_of_kinks(spec)
+        warn_of_unused(spec)
 
 
 def springs_of(spec: SceneSpec) -> Springs:

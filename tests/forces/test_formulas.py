@@ -411,6 +411,18 @@ def test_a_kink_is_told(caplog):
         end_of("hermite4", 0.01, scene, backend="cpu")
 
 
+def test_a_number_that_no_formula_uses_is_told(caplog):
+    """Numbers of the cutoff and of one of three accelerations are used; a misspelt name is told with its place."""
+    numbers = {"k": 1, "far": 5, "kk": 2, "old": 3}
+    forces = [
+        {"pair": {"potential": "k/r", "parameters": numbers, "cutoff": "2*far"}},
+        {"external": {"acceleration": ["0", "0", "-g"], "parameters": {"g": 1}}},
+    ]
+    end_of("leapfrog", 0.01, {**THREE, "forces": forces}, backend="cpu")
+    told = [record.getMessage() for record in caplog.records if "of its parameters" in record.getMessage()]
+    assert len(told) == 1 and "pair: no formula of it uses kk, old of its parameters" in told[0]
+
+
 def test_methods_made_for_gravity_name_the_formulas():
     with pytest.raises(SceneError, match="knows no forces but .*, not morse, yukawa, external"):
         end_of("wisdom_holman", 0.01)

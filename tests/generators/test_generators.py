@@ -208,6 +208,10 @@ def sheet(**more):
     return {"lattice": {"name": "sheet", "shape": [8, 8], "lower": [-1, -1, 0], "upper": [1, 1, 0], **more}}
 
 
+def test_each_particle_of_a_lattice_has_its_charge():
+    assert made([sheet(charge=-0.25)]).charge.tolist() == [-0.25] * 64 and not made([sheet()]).charge.any()
+
+
 def test_the_membrane_has_64_particles_112_springs_and_a_fixed_rim():
     snapshot = made([sheet(fixed="rim")], springs=[{"lattice_links": {"of": "sheet", "stiffness": 50}}])
     assert snapshot.particle_count == 64 and len(snapshot.springs) == 112
