@@ -121,6 +121,20 @@ def test_methods_keep_their_order_and_the_balance_closes(method, order):
     assert residuals[0] < 1e-7
 
 
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+def test_single_precision_on_the_cpu_and_on_vulkan_moves_the_bodies_alike(software_vulkan, plan):
+    bodies, forces = binary(0.2, love=0.3, lag=0.3, radius=0.45, spin=2.0)
+    ends = []
+    for backend, precision in (("cpu", "f64"), ("cpu", "f32"), ("vulkan", "f32")):
+        scene = scene_of(bodies, forces, "leapfrog", dt=0.05)
+        with Simulation(scene, backend=backend, precision=precision, plan=plan) as simulation:
+            simulation.run(steps=50)
+            ends.append(simulation.snapshot().position)
+    # 50 steps of a kick and two drifts of places below 1.
+    assert max(np.abs(end - ends[0]).max() for end in ends[1:]) <= 50 * 3 * 2.0**-24
+    assert np.abs(ends[1] - ends[0]).max() > 0.0
+
+
 @pytest.mark.parametrize("method", ["hermite4", "wisdom_holman", "rkn8"])
 def test_methods_that_take_no_velocities_refuse_tides_by_name(method):
     with pytest.raises(MppError, match="mutual_tides"):
