@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi import series_walk
 from mpp_taichi.neighbors.tree_check import TreeCheck
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_gather import TreeGather
 from mpp_taichi.neighbors.tree_nodes import TreeNodes
 from mpp_taichi.neighbors.tree_order import TreeOrder
+from mpp_taichi.neighbors.tree_series import TreeSeries
 from mpp_taichi.neighbors.tree_walk import TreeWalk
 from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY
 from mpp_taichi.types import Template
@@ -50,6 +52,8 @@ class TreeSum:
         self.nodes = TreeNodes(self.order)
         self.estimate = TreeEstimate(self.order, self.nodes)
         walk: Any = TreeWalk if on_cpu else TreeGather
+        if on_cpu and dimensions == 3 and series_walk.can_sum():
+            walk = TreeSeries
         self.walk = walk(self.order, self.nodes, self.estimate)
         self.check = TreeCheck(self.order, self.estimate, self.walk.total)
         self.longest_loop = self.nodes.node_count + padded  # steps of a walk that opens each node
@@ -93,6 +97,8 @@ class TreeSum:
         softening = self.force.softening / self.order.length
         tolerance = NODE_TOLERANCE[self.dimensions] * (self.accuracy / self.nodes.depth) ** NODE_EXPONENT
         self.estimate.estimate(softening * softening, tolerance, self.rounding / self.accuracy)
+        if isinstance(self.walk, TreeSeries):
+            self.walk.begin(self.accuracy, tolerance)
         walk = partial(self.walk.run, softening, potential=potential)
         walk()
         self.check.repeat(walk, self.accuracy)

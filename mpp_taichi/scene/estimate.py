@@ -16,7 +16,7 @@ from mpp_taichi.wording.told_apart import told_apart
 # Host memory taken while a scene is assembled, device fields included: upper bounds for the estimate.
 BYTES_PER_PARTICLE = 600
 BYTES_PER_SPRING = 400
-BYTES_PER_PARTICLE_OF_A_TREE = 150
+BYTES_PER_PARTICLE_OF_A_TREE = 290
 
 LARGEST_COUNT = 2**31 - 1  # an index is a signed 32-bit integer on every device
 MOST_STEPS = 10**9

@@ -1,18 +1,21 @@
 """The bitcode files were compiled from the source files beside them."""
 
 import hashlib
+import re
 from pathlib import Path
 
 import pytest
 
-from mpp_taichi.device.fast_taichi import bitcode, lane_arithmetic, prefetch, spring_lanes, worker_threads
+from mpp_taichi.device.fast_taichi import bitcode, lane_arithmetic, prefetch, series_walk, spring_lanes, worker_threads
 
-SOURCES = lane_arithmetic.SOURCE, prefetch.SOURCE, spring_lanes.SOURCE, worker_threads.SOURCE
+SOURCES = (lane_arithmetic.SOURCE, prefetch.SOURCE, spring_lanes.SOURCE, worker_threads.SOURCE, *series_walk.SOURCES)
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
 def test_the_bitcode_is_that_of_the_source_beside_it(source):
-    digest = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
+    text = source.read_text()
+    text += "".join(source.with_name(name).read_text() for name in re.findall(r'^#include "(.*)"$', text, re.MULTILINE))
+    digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     assert [path.name for path in source.parent.glob(f"{source.stem}_*.bc")] == [f"{source.stem}_{digest}.bc"]
     assert Path(bitcode.bitcode(source)).read_bytes()[:4] == b"BC\xc0\xde"
 

@@ -13,6 +13,7 @@ from mpp_taichi.neighbors.tree_estimate import GROUP
 from mpp_taichi.neighbors.tree_gather import TreeGather
 from mpp_taichi.neighbors.tree_nodes import preorder
 from mpp_taichi.neighbors.tree_order import TreeOrder
+from mpp_taichi.neighbors.tree_walk import TreeWalk
 from mpp_taichi.scene.estimate import estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.simulation.simulation import Simulation
@@ -289,6 +290,7 @@ def test_a_thread_for_each_body_sums_what_groups_of_them_do():
     backends.start("cpu", "f64", threads=2)
     position, mass = bodies("plummer")
     tree = Tree().place(position, mass, softening=0.01)
+    tree.sum.walk = TreeWalk(tree.sum.order, tree.sum.nodes, tree.sum.estimate)
     together = tree.accelerations(), tree.potentials()
     tree.sum.walk = TreeGather(tree.sum.order, tree.sum.nodes, tree.sum.estimate)
     size = np.linalg.norm(together[0], axis=1)[:, None]

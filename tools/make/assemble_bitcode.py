@@ -8,6 +8,7 @@ Taichi 1.7 holds LLVM 15 and reads pointers that have a type, so LLVM 14 or 15 h
 
 import argparse
 import hashlib
+import re
 import subprocess
 from pathlib import Path
 
@@ -17,13 +18,21 @@ SOURCES = {  # and how they are compiled; LLVM's own language is only assembled
     FOLDER / "prefetch.ll": ("-Xclang", "-disable-llvm-passes"),
     FOLDER / "spring_lanes.c": ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding", "-mavx512f"),
     FOLDER / "worker_threads.c": ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding"),
+    **dict.fromkeys(sorted(FOLDER.glob("series_f*.c")), ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding", "-mavx512f")),
 }
 CLANG = ("clang-15", "--target=x86_64-pc-linux-gnu", "-Xclang", "-no-opaque-pointers", "-emit-llvm", "-c")
 
 
 def target(source):
     """Where the bitcode of a source belongs: the name has a digest of the source."""
-    return source.with_name(f"{source.stem}_{hashlib.sha256(source.read_bytes()).hexdigest()[:8]}.bc")
+    return source.with_name(f"{source.stem}_{hashlib.sha256(text(source)).hexdigest()[:8]}.bc")
+
+
+def text(source):
+    """A source, and after it the files beside it that it includes."""
+    own = source.read_bytes()
+    names = re.findall(rb'^#include "(.*)"$', own, re.MULTILINE)
+    return b"".join([own, *(source.with_name(name.decode()).read_bytes() for name in names)])
 
 
 def main():

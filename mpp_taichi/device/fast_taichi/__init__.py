@@ -4,7 +4,7 @@
 turns them off: `off` turns off all, and names separated by commas turn off these parts. Any other version of Taichi than 1.7.4 runs
 with all of them off. Taichi then does the work in its own way: the results are right, but the gains of the table are lost. The
 summary of a run, its `--json` object and `mpp-taichi info` say which parts are off. Bits may differ in sums of pairs
-(lane_arithmetic) and of springs (spring_lanes) only.
+(lane_arithmetic), of springs (spring_lanes) and of gravity by a tree (series_walk) only.
 
 "All" systems means all on which Taichi runs; "x64" means Linux on x86-64. To drop a part, do what the last column says, and
 remove the part's name from `switch.NAMES`, its row here and its tests.
@@ -21,6 +21,7 @@ remove the part's name from `switch.NAMES`, its row here and its tests.
 | lane_arithmetic | nothing; bitcode for a product with a sum, and for the inverse root | Taichi has neither | two thirds of the time of the pair sum | x64 | keep the written-out branch of each function |
 | prefetch | nothing; bitcode for a fetch ahead | Taichi has none | part of 710 instead of 1,730 ns for a collision of 100,000 disks | x64 | remove the calls |
 | spring_lanes | nothing; bitcode that sums springs with a particle in each lane | LLVM finds vectors of four half-springs only | 0.4 of the time of a step of 4,000 springs, 0.25 to 0.6 of a million | x64 with AVX-512 | delete spring_lanes.py and .c, forces/_spring_slices.py, and the calls of `sum_slices` |
+| series_walk | nothing; bitcode that sums gravity by series over the nodes of a tree | Taichi compiles such sums for 44 s and more | 0.4 of the time of all forces on a million bodies | x64 with AVX-512 | delete series_walk.py, the files series_*, neighbors/tree_series.py, and its lines in neighbors/tree.py |
 | large_pages | nothing; asks Linux for pages of 2 MiB | addresses of small pages are not at hand | from 16,384 particles on, for what jumps about in memory | Linux from 6.1 | remove the call |
 
 `bitcode` links the files `*.bc` into kernels, and `vector_fields` reads vectors of fields in the way explicit vectors need; both

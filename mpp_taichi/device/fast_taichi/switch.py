@@ -20,6 +20,7 @@ NAMES = (
     "lane_arithmetic",
     "prefetch",
     "spring_lanes",
+    "series_walk",
     "large_pages",
 )
 
