@@ -234,7 +234,7 @@ static void serve(Walk *w, int node, int level, long begin, long end) {
     const long out = settle(w, begin, end, &target);
     if (out == FULL) return; /* these groups stay pending */
     REAL *const own = w->series[level];
-    REAL variance = out == CROWDED ? 0 : (REAL)0.25 * (spread * spread) * sum_of(target.variance);
+    REAL variance = out == CROWDED ? 0 : (REAL)0.25 * (target.across * target.across) * sum_of(target.variance);
     UNROLL for (int k = 0; k < SERIES; k++) own[k] = 0;
     w->path[level] = node;
     w->variance[level] = 0;
