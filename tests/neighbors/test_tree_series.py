@@ -65,7 +65,7 @@ def test_a_higher_order_takes_over_where_the_accuracy_is_high(tree, kind):
 
 
 def test_distant_nodes_do_act_by_series(tree):
-    """The errors are those of series, not round-off of a direct sum, and fewer than one in ten pairs are summed one by one."""
+    """The errors are those of series, not the round-off of a direct sum, and each group has sources that are far."""
     found, true = found_and_exact(tree, "sphere", 1e-3)
     assert np.median(errors(found, true)) > 1e-8
     assert (tree.sum.estimate.variance.to_numpy() > 0.0).all()
