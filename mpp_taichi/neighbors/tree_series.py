@@ -10,7 +10,7 @@ moments P_0 = M, P_1 = 0 and P_k ≤ tr Q b^(k−2) (W. Dehnen, Comput. Astrophy
 to the bound. Of bodies that lie equally in n directions, moments of order k along one direction are likely to be n^(−k/2) as
 large. So the spread s of the source (tree_estimate.py), which is 1 in a row and 1/n there, and the spread σ of the target bring
 the bound near to the size of the error. The exponents are calibrated, as is the permitted error A: a share of the field at the
-target, for the group with the weakest field. The variance that tree_check.py reads is the sum of (σ^(3/2) E/2)².
+target, for the group with the weakest field. The variance that tree_check.py reads is the sum of σ³ E²/10.
 """
 
 from typing import Any

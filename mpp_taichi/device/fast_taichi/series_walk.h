@@ -234,7 +234,7 @@ static void serve(Walk *w, int node, int level, long begin, long end) {
     const long out = settle(w, begin, end, &target);
     if (out == FULL) return; /* these groups stay pending */
     REAL *const own = w->series[level];
-    REAL variance = out == CROWDED ? 0 : (REAL)0.25 * (target.across * target.across) * sum_of(target.variance);
+    REAL variance = out == CROWDED ? 0 : (REAL)0.1 * (target.across * target.across) * sum_of(target.variance);
     UNROLL for (int k = 0; k < SERIES; k++) own[k] = 0;
     w->path[level] = node;
     w->variance[level] = 0;
@@ -274,7 +274,7 @@ static void serve(Walk *w, int node, int level, long begin, long end) {
     if (out == CROWDED) {
         for (int lane = 0; lane < GROUP; lane++)
             if (!serve_one(w, lane, begin, end, &target, &variance)) return;
-        w->variance[level] += (REAL)0.25 * variance;
+        w->variance[level] += (REAL)0.1 * variance;
     }
     t->variance[first_group] = w->variance[level];
     t->pending[first_group] = 0;
