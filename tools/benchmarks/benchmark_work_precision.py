@@ -1,14 +1,14 @@
-"""Error against time on six problems: our methods beside REBOUND, SciPy and heyoka.
+"""Error against time on eight problems: our methods beside REBOUND, SciPy and heyoka.
 
     python tools/benchmarks/benchmark_work_precision.py [--repeats 5] [--problems figure_eight …] [--json FILE] [--from FILE …]
         [--page HTML] [--picture PNG] [--table MD]
 
-Problems (work_precision_problems.py): Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods, the outer solar
-system over 50 orbits of Jupiter, Burrau's three bodies to t = 10, the seven stars of Hairer, Nørsett & Wanner to t = 3, and a
-drum of 112 springs. The error is the largest distance of a body from its right place at the end, over the root mean square
-distance from the centre; what is right is heyoka's answer in long double. Times are processor times of the stepping alone, on
-one thread: medians of repeats; all runs of a problem take turns. A run of milliseconds is repeated three times in a row, and
-the third time counts.
+Problems (work_precision_problems.py): Kepler's at e = 0.6 and at e = 0.9 over 100 orbits, the figure eight over 20 periods, the
+outer solar system over 50 orbits of Jupiter, Burrau's three bodies to t = 10, the seven stars of Hairer, Nørsett & Wanner to
+t = 3, a drum of 112 springs, and a cluster of 256 stars to t = 1/2. The error is the largest distance of a body from its right
+place at the end, over the root mean square distance from the centre; the right places are those of heyoka in long double, for
+the cluster in double. Times are processor times of the stepping alone, on one thread: medians of repeats; all runs of a problem
+take turns. A run of milliseconds is repeated three times in a row, and the third time counts.
 
 REBOUND runs leapfrog (orders 2 and 8), WHFast (with and without corrector, and with the lazy kernel), SABA, IAS15 and
 Bulirsch–Stoer, SciPy DOP853, heyoka its Taylor method. REBOUND has no springs between bodies, and a force of the user would
