@@ -19,11 +19,13 @@ from mpp_taichi.compare.taichi_contender import TaichiContender
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.contact_memory import ContactMemory
 from mpp_taichi.device import backends
+from mpp_taichi.device.fast_taichi import bitcode, series_walk
 from mpp_taichi.errors import BackendError
 from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
 from mpp_taichi.integrators._splitting import Splitting
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.neighbors.tree_nodes import TreeNodes
+from mpp_taichi.neighbors.tree_series import TreeSeries
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
 from mpp_taichi.types import Template
@@ -138,6 +140,13 @@ class LostQuadrupole(TreeNodes):
         return along, inverse * 0.0, turned, inverse * rows[row + self.dimensions]
 
 
+class TwiceAsSoft(TreeSeries):
+    sound = TreeSeries.run
+
+    def run(self, softening, *, potential):
+        TwiceAsSoft.sound(self, 2.0 * softening, potential=potential)
+
+
 class DroppedPair(AllPairs):
     @ti.func
     def _weights(self, state: ti.template(), i, j, distance_squared):
@@ -190,18 +199,35 @@ def test_a_wrong_sign_is_a_bug(monkeypatch, five, precision):
     assert found["verdict"] == "bug" and any(each["check"] == "force at the start" for each in broken(found))
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_a_tree_is_judged_by_the_accuracy_that_it_promises(monkeypatch, precision):
+def judged_tree(precision):
+    """The verdict on the forces of a tree of an accuracy of 0.01."""
     scene = cluster(2000)
     scene["forces"][0]["newtonian_gravity"] |= {"solver": "tree", "accuracy": 1e-2}
     case = Case(scene, looks=[])
-    sound = verdict(case.judge.forces(case.evidence(case.taichi(precision=precision)), precision))
+    return verdict(case.judge.forces(case.evidence(case.taichi(precision=precision)), precision))
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize(
+    ("owner", "name", "faulty"),
+    [
+        (TreeNodes, "pull", LostQuadrupole),
+        pytest.param(TreeSeries, "run", TwiceAsSoft, marks=pytest.mark.fast_taichi("series_walk")),
+    ],
+    ids=["walk", "series"],
+)
+def test_a_tree_is_judged_by_the_accuracy_that_it_promises(monkeypatch, owner, name, faulty, precision):
+    if owner is TreeNodes:
+        monkeypatch.setattr(series_walk, "can_sum", lambda: False)
+    elif not bitcode.has_avx512():
+        pytest.skip("series need a processor with AVX-512")
+    sound = judged_tree(precision)
     assert sound["verdict"] == "rounding" and len(sound["findings"]) == 2
-    # Terms of many nodes that are cut are a good part of what is allowed: nobody is near exact, or it would be no tree.
+    # Terms of many nodes that are cut are a good part of what is allowed: a body that is near exact would be of no tree.
     assert sound["decided_by"]["ratio"] > 0.01 and sound["decided_by"]["of"] == "its own gravity"
-    plant(monkeypatch, TreeNodes, "pull", LostQuadrupole)
-    found = verdict(case.judge.forces(case.evidence(case.taichi(precision=precision)), precision))
+    plant(monkeypatch, owner, name, faulty)
+    found = judged_tree(precision)
     assert found["verdict"] == "bug" and {each["check"] for each in broken(found)} == {
         "force at the start",
         "force at the shaken start",
