@@ -110,7 +110,8 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
-        if declared.flags.get("is_formula") or declared.flags.get("needs_gravity"):  # of formulas there is no end
+        # Formulas are without number, and a correction to gravity acts only beside a gravity that the scene may not have.
+        if declared.flags.get("is_formula") or declared.flags.get("needs_gravity"):
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue

@@ -103,6 +103,7 @@ class FormulaField(ExternalForce):
     """
 
     is_formula = True
+    may_give_energy = True  # where the formula has velocities
     takes_any_numbers = True
     on: tuple[int, int] | None = None
     law: ExternalLaw

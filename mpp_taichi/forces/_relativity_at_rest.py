@@ -66,5 +66,5 @@ class RelativityAtRest(ExternalForce):
 
     @ti.func
     def potential(self, state: Template, i, time):
-        """None here."""
+        """0: the whole force has the energy of both parts."""
         return ti.cast(0.0, state.wide)

@@ -29,12 +29,8 @@ class TidesAtRest(ExternalForce):
             weight = self.whole.weight(state, i, j)
             if weight > 0.0:
                 d = separation(state, i, j)
-                inverse = inverse_root(d.dot(d))
-                ratio = parameter(state, self.whole.radius) * inverse
-                fifth = ratio * ratio * ratio * ratio * ratio
-                size = 3.0 * parameter(state, self.whole.strength) * parameter(state, self.whole.love_number) * weight
-                result += size / state.mass[i] * fifth * inverse * inverse * inverse * d
-        return result
+                result += self.whole.pull(state, d, weight) * d
+        return result / state.mass[i]
 
     @ti.func
     def potential(self, state: Template, i, time):

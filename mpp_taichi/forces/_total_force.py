@@ -188,7 +188,8 @@ class TotalForce:
 
         Drag and friction brake; tides, formulas of the velocity and forces without a potential may give energy.
         """
-        return not self.has_given and all(force.conserves_energy or _only_brakes(force) for force in self.forces)
+        brakes = (force.conserves_energy or (force.depends_on_velocity and not force.may_give_energy) for force in self.forces)
+        return not self.has_given and all(brakes)
 
     @property
     def needs(self) -> frozenset:
@@ -392,7 +393,3 @@ class TotalForce:
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
                 result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], own_entry(state, first, h))
         return result
-
-
-def _only_brakes(force: Force) -> bool:
-    return force.depends_on_velocity and not force.is_formula and not force.may_give_energy

@@ -60,8 +60,8 @@ class MutualTides(ExternalForce):
             weight = self.weight(state, i, j)
             if weight > 0.0:
                 d, w = separation(state, i, j), velocity_seen(state, j) - velocity
-                result += self.pull(state, i, j, weight) * (self.follow(d, w) + self.turned(state, d))
-        return result
+                result += self.pull(state, d, weight) * (self.follow(d, w) + self.turned(state, d))
+        return parameter(state, self.lag) / state.mass[i] * result
 
     @ti.func
     def acceleration_gained(self, state: Template, slopes: Template, h, i, time):
@@ -72,8 +72,8 @@ class MutualTides(ExternalForce):
             weight = self.weight(state, i, j)
             if weight > 0.0:
                 d, w = separation(state, i, j), velocity_seen(slopes, j) - velocity_seen(slopes, i)
-                result += h * self.pull(state, i, j, weight) * self.follow(d, w)
-        return result
+                result += self.pull(state, d, weight) * self.follow(d, w)
+        return h * parameter(state, self.lag) / state.mass[i] * result
 
     @ti.func
     def weight(self, state: Template, i, j):
@@ -87,14 +87,13 @@ class MutualTides(ExternalForce):
         return result
 
     @ti.func
-    def pull(self, state: Template, i, j, weight):
-        """3 k G τ R⁵/r⁸ times the weight, for a mass of i."""
-        d = separation(state, i, j)
+    def pull(self, state: Template, d, weight):
+        """3 k G R⁵/r⁸ times the weight."""
         inverse = inverse_root(d.dot(d))
         ratio = parameter(state, self.radius) * inverse
         fifth = ratio * ratio * ratio * ratio * ratio
-        size = 3.0 * parameter(state, self.strength) * parameter(state, self.love_number) * parameter(state, self.lag)
-        return size * weight * fifth * inverse * inverse * inverse / state.mass[i]
+        size = 3.0 * parameter(state, self.strength) * parameter(state, self.love_number) * weight
+        return size * fifth * inverse * inverse * inverse
 
     @ti.func
     def follow(self, d, w):
@@ -114,5 +113,5 @@ class MutualTides(ExternalForce):
 
     @ti.func
     def potential(self, state: Template, i, time):
-        """None of this part."""
+        """0: the power of the delay is booked as dissipated."""
         return ti.cast(0.0, state.wide)

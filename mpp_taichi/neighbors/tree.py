@@ -97,8 +97,7 @@ class TreeSum:
         softening = self.force.softening / self.order.length
         tolerance = NODE_TOLERANCE[self.dimensions] * (self.accuracy / self.nodes.depth) ** NODE_EXPONENT
         self.estimate.estimate(softening * softening, tolerance, self.rounding / self.accuracy)
-        if isinstance(self.walk, TreeSeries):
-            self.walk.begin(self.accuracy, tolerance)
+        self.walk.begin(self.accuracy, tolerance)
         walk = partial(self.walk.run, softening, potential=potential)
         walk()
         self.check.repeat(walk, self.accuracy)

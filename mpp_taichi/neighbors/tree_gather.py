@@ -31,6 +31,9 @@ class TreeGather:
         """Free the memory."""
         self._memory.destroy()
 
+    def begin(self, accuracy: float, tolerance: float) -> None:
+        """Nothing, as for a TreeWalk."""
+
     def run(self, softening: float, *, potential: bool) -> None:
         """Compute the accelerations of the pending groups, and the potential where `potential`."""
         self._walk(softening * softening, potential)

@@ -58,6 +58,9 @@ class TreeWalk:
         """Free the memory."""
         self._memory.destroy()
 
+    def begin(self, accuracy: float, tolerance: float) -> None:
+        """Nothing: the limits of the groups are all that a walk reads."""
+
     def run(self, softening: float, *, potential: bool) -> None:
         """Compute the accelerations of the pending groups, and the potential where `potential`."""
         with explicit_vectors():

@@ -112,7 +112,7 @@ def why_alone(spec: SceneSpec) -> str:
     if spec.rigid_entries:
         return "rods are solved for one copy at a time"
     if spec.forces_with("gathers"):
-        return "an area inside a skin or a sum of relativity is that of one copy"
+        return "a force that first sums over all particles, such as the area inside a skin, sums over one copy"
     if spec.limited_springs:
         return "springs break and yield in one copy at a time"
     return ""

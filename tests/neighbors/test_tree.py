@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import taichi as ti
+from made_trees import Tree, direct, errors, tree_fixtures
 
 from mpp_taichi.device import backends
 from mpp_taichi.errors import BackendError, PrecisionError, SceneError
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
-from mpp_taichi.neighbors.tree import TreeSum
 from mpp_taichi.neighbors.tree_estimate import GROUP
 from mpp_taichi.neighbors.tree_gather import TreeGather
 from mpp_taichi.neighbors.tree_nodes import preorder
@@ -17,12 +17,10 @@ from mpp_taichi.neighbors.tree_walk import TreeWalk
 from mpp_taichi.scene.estimate import estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.simulation.simulation import Simulation
-from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.state.state import State
-from mpp_taichi.state.vector_layout import VectorLayout
 
 COUNT = 6000
 SAMPLE = 400  # bodies whose force is summed in NumPy; the 99th percentile is then the fourth largest error
+fresh_runtime, trees, tree = tree_fixtures(COUNT)
 
 
 def bodies(kind, count=COUNT, seed=1):
@@ -46,73 +44,6 @@ def bodies(kind, count=COUNT, seed=1):
         clump, size = random.integers(0, 40, count), 10 ** random.uniform(-4.0, -1.5, 40)
         position = random.random((40, 3))[clump] + size[clump][:, None] * random.normal(size=(count, 3))
     return position, mass / mass.sum()
-
-
-def direct(position, mass, rows, softening=0.0):
-    """Accelerations and potentials of some bodies with G = 1, pair by pair."""
-    acceleration, potential = np.empty((len(rows), position.shape[1])), np.empty(len(rows))
-    for k, i in enumerate(rows):
-        d = np.delete(position, i, 0) - position[i]
-        inverse = ((d**2).sum(1) + softening**2) ** -0.5
-        others = np.delete(mass, i)
-        acceleration[k], potential[k] = (others * inverse**3) @ d, -others @ inverse
-    return acceleration, potential
-
-
-class Tree:
-    """A tree over so many bodies, and the state that it reads and writes; compiled once, for any places and masses."""
-
-    def __init__(self, count=COUNT, dimensions=3):
-        self.count, self.dimensions = count, dimensions
-        zeros, every = np.zeros((count, 3)), np.ones((count, 3), bool)
-        snapshot = Snapshot(zeros, zeros, np.ones(count), np.zeros(count), np.zeros(count), zeros, every, ("",) * count)
-        self.force = NewtonianGravity(strength=1.0, softening=0.0, solver="tree", accuracy=None)
-        self.state = State(
-            snapshot, dimensions=dimensions, needs=self.force.needs, scratch_count=0, layout=VectorLayout.BY_COMPONENT
-        )
-        self.sum = TreeSum(self.force, count, dimensions)
-
-    def place(self, position, mass, accuracy=1e-3, *, softening=0.0, strength=1.0):
-        places = np.zeros((self.count, 3))
-        places[:, : self.dimensions] = position
-        self.state.write(places, np.zeros((self.count, 3)))
-        self.state.mass.from_numpy(mass.astype(self.state.position.get_scalar_field(0).to_numpy().dtype))
-        self.force.softening, self.force.strength, self.sum.accuracy = softening, strength, accuracy
-        return self
-
-    def accelerations(self):
-        self.state.acceleration.fill(0.0)
-        self.sum.add_accelerations(self.state)
-        return self.state.acceleration.to_numpy()
-
-    def potentials(self):
-        return self.sum.potential_terms(self.state)
-
-
-@pytest.fixture
-def fresh_runtime():
-    """Not after each test: what is compiled for a tree serves any places and masses."""
-
-
-@pytest.fixture(scope="module")
-def trees():
-    """The tree that was made last, with its device."""
-    yield (kept := {})
-    kept.clear()
-    backends.stop()
-
-
-@pytest.fixture
-def tree(trees):
-    """A tree in f64 on two threads; made anew where a test stopped the device it was on."""
-    device = backends.start("cpu", "f64", threads=2)
-    if trees.get("device") is not device:
-        trees.update(device=device, tree=Tree())
-    return trees["tree"]
-
-
-def errors(found, exact):
-    return np.linalg.norm(found - exact, axis=1) / np.linalg.norm(exact, axis=1)
 
 
 @pytest.mark.sampled(2)
@@ -262,7 +193,7 @@ def test_the_bits_do_not_depend_on_the_threads():
     found = []
     for threads in (1, 3):
         backends.start("cpu", "f64", threads=threads)
-        tree = Tree().place(position, mass)
+        tree = Tree(COUNT).place(position, mass)
         found.append((tree.accelerations(), tree.potentials()))
         backends.stop()
     for other in found[1:]:
@@ -276,7 +207,7 @@ def test_any_units_will_do():
     backends.start("cpu", "f32", threads=2)
     position, mass = bodies("sphere")
     rows = np.arange(0, COUNT, 30)
-    tree = Tree()
+    tree = Tree(COUNT)
     for length, weight, strength in ((1.0, 1.0, 1.0), (1e11, 1e30, 6.67e-11), (1e-7, 1e-12, 1.0)):
         x, m = (position * length).astype(np.float32), (mass * weight).astype(np.float32)
         exact, _ = direct(x / float(length), m / float(weight), rows)
@@ -289,7 +220,7 @@ def test_a_thread_for_each_body_sums_what_groups_of_them_do():
     """The walk of GPUs, here on the CPU: the same nodes in another order, so the same but for rounding."""
     backends.start("cpu", "f64", threads=2)
     position, mass = bodies("plummer")
-    tree = Tree().place(position, mass, softening=0.01)
+    tree = Tree(COUNT).place(position, mass, softening=0.01)
     tree.sum.walk = TreeWalk(tree.sum.order, tree.sum.nodes, tree.sum.estimate)
     together = tree.accelerations(), tree.potentials()
     tree.sum.walk = TreeGather(tree.sum.order, tree.sum.nodes, tree.sum.estimate)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import taichi as ti
 from conftest import ROOT
-from test_tree import Tree
+from made_trees import Tree, tree_fixtures
 
 from mpp_taichi.device import backends
 from mpp_taichi.neighbors.tree_gather import TreeGather
@@ -17,34 +17,13 @@ sys.path[:0] = [str(ROOT / "tools" / "benchmarks")]
 from tree_bodies import KINDS, bodies, exact  # noqa: E402
 
 COUNT = 4913  # 17³
+fresh_runtime, trees, tree = tree_fixtures(COUNT)
 SAMPLE = 500
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
 UNIT = {"f32": (np.float32, 2.0**-24), "f64": (np.float64, 2.0**-53)}  # type and unit round-off u
 ROUNDINGS = 32.0
 """The round-off of a force in units of u Σ_j |a_ij| (docs/gravity.md): a tree adds up 1024 pulls one after another, and the
 roundings of 1024 additions, of any sign, add up to √1024 roundings."""
-
-
-@pytest.fixture
-def fresh_runtime():
-    """Not after each test: what is compiled for a tree serves any places and masses."""
-
-
-@pytest.fixture(scope="module")
-def trees():
-    """The tree that was made last, with its device."""
-    yield (kept := {})
-    kept.clear()
-    backends.stop()
-
-
-@pytest.fixture
-def tree(trees, request):
-    """A tree on two threads, in the precision that a test asks for, or in f64."""
-    device = backends.start("cpu", getattr(request, "param", "f64"), threads=2)
-    if trees.get("device") is not device:
-        trees.update(device=device, tree=Tree(COUNT))
-    return trees["tree"]
 
 
 def placed(tree, kind, accuracy, precision="f64"):

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 from conftest import ROOT
-from test_tree import Tree, direct, errors
+from made_trees import Tree, direct, errors, tree_fixtures
 
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi import bitcode
@@ -18,34 +18,13 @@ sys.path[:0] = [str(ROOT / "tools" / "benchmarks")]
 from tree_bodies import bodies, exact  # noqa: E402
 
 COUNT = 8000
+fresh_runtime, trees, tree = tree_fixtures(COUNT)
 pytestmark = [
     pytest.mark.fast_taichi("series_walk"),
     pytest.mark.skipif(
         not (sys.platform == "linux" and bitcode.has_avx512()), reason="series_walk needs Linux on a processor with AVX-512"
     ),
 ]
-
-
-@pytest.fixture
-def fresh_runtime():
-    """Not after each test: what is compiled for a tree serves any places and masses."""
-
-
-@pytest.fixture(scope="module")
-def trees():
-    """The tree that was made last, with its device."""
-    yield (kept := {})
-    kept.clear()
-    backends.stop()
-
-
-@pytest.fixture
-def tree(trees, request):
-    """A tree on two threads, in the precision that a test asks for, or in f64."""
-    device = backends.start("cpu", getattr(request, "param", "f64"), threads=2)
-    if trees.get("device") is not device:
-        trees.update(device=device, tree=Tree(COUNT))
-    return trees["tree"]
 
 
 def found_and_exact(tree, kind, accuracy):

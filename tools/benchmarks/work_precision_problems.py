@@ -120,7 +120,7 @@ def kepler(e=0.6):
 
 
 def eccentric_kepler():
-    """The same of the eccentricity 0.9: the bodies come 19 times as close as they were at the start."""
+    """The same two bodies on an orbit of eccentricity 0.9: their least distance is a nineteenth of the greatest."""
     return kepler(0.9)
 
 
@@ -181,28 +181,21 @@ def drum():
 
 
 def cluster():
-    """256 stars of equal mass in Plummer's sphere without its outermost 2 %, of mass 1, to t = 1/2: a sixth of a crossing time.
+    """256 stars in Plummer's sphere of mass 1 and energy −1/4, to t = 1/2, a sixth of a crossing time; no softening."""
+    from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.start.assemble import assemble
 
-    The energy of the whole sphere is −1/4, and gravity has no softening. Source: Aarseth, Hénon & Wielen, Astron. Astrophys. 37
-    (1974) 183.
-    """
-    count, random = 256, np.random.default_rng(256)
-    size = 3 * math.pi / 16
-    radius = size / np.sqrt(random.uniform(0, 0.98, size=count) ** (-2 / 3) - 1)
-    share, chance = random.uniform(size=(100, count)), random.uniform(0, 0.1, size=(100, count))
-    first = (chance < share**2 * (1 - share**2) ** 3.5).argmax(0)  # of 100 tries
-    speed = share[first, np.arange(count)] * np.sqrt(2 / np.sqrt(radius**2 + size**2))
-    x, v = (length[:, None] * _directions(random, count) for length in (radius, speed))
+    scene = {
+        "seed": 256,
+        "particles": [{"plummer": {"count": 256, "scale_radius": 3 * math.pi / 16}}],
+        "forces": [{"newtonian_gravity": {"strength": 1.0}}],
+        "integrator": {"leapfrog": {"dt": 1.0}},
+    }
+    start = assemble(load_scene(scene))
     return Problem(
-        "cluster of 256 stars, t = 1/2", np.full(count, 1 / count), x, v, 0.5, 1, g=1.0, finest=2e4,
+        "cluster of 256 stars, t = 1/2", start.mass, start.position, start.velocity, 0.5, 1, g=1.0, finest=2e4,
         reference=(np.float64, 1e-14),
     )  # fmt: skip
-
-
-def _directions(random, count):
-    """Unit vectors of all directions alike, (count, 3)."""
-    found = random.normal(size=(count, 3))
-    return found / np.linalg.norm(found, axis=1)[:, None]
 
 
 PROBLEMS = {

@@ -37,8 +37,8 @@ class KeptCandidates:
         self.partners = PartnerList(grid, later_only=True)
         self.place, self.size = ti.Vector.field(grid.dimensions, float), ti.field(float)
         self._memory = FieldGroup((self.particle_count, (self.place, self.size)))
-        self.widest = WIDEST * float(np.median(radius.to_numpy()[: self.particle_count]))
-        self.skin = self.widest * FIRST / WIDEST
+        middle = float(np.median(radius.to_numpy()[: self.particle_count]))
+        self.skin, self.widest = FIRST * middle, WIDEST * middle
         self._is_listed, self._served, self._pause = False, 0, 0
 
     def destroy(self) -> None:
@@ -88,11 +88,7 @@ class KeptCandidates:
         return stale
 
     @ti.func
-    def visit(self, slot, task: Template):
-        """Call task(slot, other slot, 0, 0) for each listed pair that is about to overlap, or does."""
-        x, reach = self.place[slot], self.size[slot] + self.grid.levels.slack[0]
-        for k in range(self.partners.begin[slot], self.partners.middle[slot]):
-            other = self.partners.partner[k]
-            together = reach + self.size[other]
-            if self.grid.square_distance(x, self.place[other]) <= together * together:
-                task(slot, other, 0.0, 0.0)
+    def are_near(self, slot, other):
+        """Whether the spheres of two slots overlap, or are apart by no more than rounding hides."""
+        together = self.size[slot] + self.size[other] + self.grid.levels.slack[0]
+        return self.grid.square_distance(self.place[slot], self.place[other]) <= together * together

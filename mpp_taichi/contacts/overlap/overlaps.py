@@ -109,7 +109,12 @@ class Overlaps:
     def _find_listed(self):
         self.found_count[0] = 0
         for slot in range(self.particle_count):
-            self.kept.visit(slot, self._note)
+            self.kept.partners.visit_later(slot, self._note_near, 0.0, 0.0)
+
+    @ti.func
+    def _note_near(self, slot, other, _, __):
+        if self.kept.are_near(slot, other):
+            self._note(slot, other, 0.0, 0.0)
 
     @ti.func
     def _note_run(self, x, reach, slot, _, begin, end):
