@@ -120,7 +120,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if found["force_evaluations_per_step"] is None:
         evaluations = "as many force evaluations as each step needs"
     widest = max(20, *(len(name) + 2 for name in found["fields"]))
-    name = max(20, *(len(row["effect"]) + 2 for row in (*found["shares"], *found["absent"])))
+    name = max([20, *(len(row["effect"]) + 2 for row in (*found["shares"], *found["absent"]))])
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs"
         + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),

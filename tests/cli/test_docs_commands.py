@@ -11,14 +11,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from doc_commands import ROOT, Block, blocks, pages
+from pydantic import TypeAdapter, ValidationError
 from test_convert import PLANETS
 
 from mpp_taichi import MppError, component
 from mpp_taichi.cli.main import VERBS, _parser, _with_verb, main
 from mpp_taichi.passport.carried import carrying
 from mpp_taichi.recorders.video import VideoRecorder
+from mpp_taichi.scene.bare_names import expanded
+from mpp_taichi.scene.document import read_text
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.fields import Context
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.model import scene_model, select
 from mpp_taichi.start.assemble import assemble
@@ -167,14 +171,35 @@ class Reader:
 
     def yaml(self, block: Block):
         """Load what is a whole scene; of a part of one, know the keys."""
-        scene = yaml.safe_load(block.text)
+        scene = expanded(read_text(block.text, block.page, Faults())).plain()
         name = saved_as(block)
         if isinstance(scene, dict) and (name or {"particles", "integrator"} <= scene.keys()):
             file = Path(name or f"{Path(block.page).stem}_{block.line}.yaml")
             file.write_text(block.text, encoding="utf-8")
             place(load_scene(file))
         else:
-            assert isinstance(scene, dict) and not scene.keys() - scene_model(select(scene)).model_fields.keys()
+            assert isinstance(scene, dict), "a part of a scene begins with a key of the top level, as `forces:`"
+            fields = scene_model(select(scene)).model_fields
+            assert not scene.keys() - fields.keys()
+            wrong = {flat: wrong_values(scene, fields, flat=flat) for flat in (False, True)}
+            assert not min(wrong.values(), key=len), min(wrong.values(), key=len)
+
+
+def wrong_values(scene: dict, fields: dict, *, flat: bool) -> list[str]:
+    """The faults of a part of a scene of three or two dimensions.
+
+    Names, functions and files that the rest of the scene would give are no faults.
+    """
+    context, found = Context(dimensions=2 if flat else 3), []
+    for key, value in scene.items():
+        try:
+            TypeAdapter(fields[key].annotation).validate_python(value, context=context)
+        except ValidationError as error:
+            for fault in error.errors():
+                parts = fault.get("ctx", {}).get("parts", [((), None, fault["msg"])])
+                found += [f"{key}: {(*fault['loc'], *below)}: {message}" for below, _, message in parts if message]
+    elsewhere = ("there is no file", "unknown name", "unknown function")
+    return [fault for fault in found if not any(reason in fault for reason in elsewhere)]
 
 
 def saved_as(block: Block) -> str | None:
