@@ -23,6 +23,7 @@ class Force:
     needs: frozenset = frozenset()
     conserves_energy = True  # False: the force does work without a potential
     depends_on_velocity = False
+    linear_in_velocity = True  # or independent of it; splittings from order 6 on need this
     depends_on_time = False  # explicitly, not only through the motion
     takes_sine = False  # of an angle: on Vulkan Taichi has the sine in f32 only
     # The scene is checked by the literal values that a class gives to these, which are read from its source text.

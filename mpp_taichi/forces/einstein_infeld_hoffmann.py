@@ -37,6 +37,7 @@ class EinsteinInfeldHoffmann(ExternalForce):
     of: Particles = param(None, optional=True, help="the group of the bodies that act and feel; absent: every particle")
     needs = frozenset({"mass"})
     depends_on_velocity = True
+    linear_in_velocity = False
     proportional_to_mass = True
     singular_at_zero_distance = True
     gathers = True

@@ -26,7 +26,7 @@ class Splitting(Integrator):
 
     Where forces only turn the velocity, as magnetic fields do, a kick is exact (_turning.py). Other forces that depend on
     velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of the splitting, so
-    that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
+    that the order is kept; from order 6 on only for forces linear in velocity, and other forces are refused (see `taylor`).
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
     positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
 

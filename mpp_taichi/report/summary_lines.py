@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mpp_taichi import component
 from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control_line
@@ -121,8 +122,10 @@ def _errors(found: Mapping[str, Any]) -> str:
     if not found["conserves_momentum"]:
         # A held axis or a wall need not act: the change is told as well, so that it can be compared with a promise.
         changed = found["momentum_error_max"]
-        bath = "a bath of heat, " if "heat_bath" in found else ""
-        return f"{energy}; momentum changes by {changed:.2g}, as {bath}external forces, walls or held particles may change it"
+        causes = ["a bath of heat"] if "heat_bath" in found else []
+        causes += ["terms of 1/c²"] if _is_relativistic(found) else []
+        told = ", ".join([*causes, "external forces", "walls or held particles"])
+        return f"{energy}; momentum changes by {changed:.2g}, as {told} may change it"
     momentum = f"{energy}, momentum {found['momentum_error_max']:.2g}"
     turning = f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
     if "merge_count" in found.get("contacts", {}):
@@ -130,6 +133,12 @@ def _errors(found: Mapping[str, Any]) -> str:
     return (
         turning if found["conserves_angular_momentum"] else f"{momentum}; angular momentum is not conserved in a periodic box"
     )
+
+
+def _is_relativistic(found: Mapping[str, Any]) -> bool:
+    """Whether the sum of m v, which is measured, is the momentum without the terms of general relativity."""
+    forces = component.names("forces")
+    return any(name in forces and component.flag("forces", name, "needs_gravity") for name in found.get("effects", ()))
 
 
 def _reason(found: Mapping[str, Any]) -> str:

@@ -11,6 +11,8 @@ from mpp_taichi.scene.periodic_forces import check_periodic_forces
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
+HIGHEST_KICKS = 4
+"""Highest order of a splitting whose kicks are solved to their order for every force of the velocity (_splitting_table.py)."""
 OUTWEIGHS = 10.0
 """The least ratio of the central body's mass to the mass of all other bodies; the error is proportional to its inverse."""
 
@@ -38,15 +40,21 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         rule = "sums forces at trial places too, so that it cannot tell when springs break or yield"
         faults.add(place, key, f"{rule}, allowed: {allowed}")
         return
+    if solves_low_kicks(spec.integrator.name):
+        curved = [force.label for force in spec.forces if not force.flag("forces", "linear_in_velocity")]
+        if curved:
+            others = [name for name in component.proposed("integrators", "friction") if not solves_low_kicks(name)]
+            rule = f"would have the third order beside {', '.join(curved)}, not linear in the velocity"
+            faults.add(place, key, f"{rule}, allowed: {', '.join(others)}, among others")
     made_for = spec.integrator.flag("integrators", "made_for")
     if not made_for:
         return
     known = [name for name in component.names("forces") if any(component.flag("forces", name, each) for each in made_for)]
     reason = spec.integrator.flag("integrators", "made_for_reason")
-    others = [force.label for force in spec.forces if force.name not in known] + (["springs"] if spec.springs else [])
+    unknown = [force.label for force in spec.forces if force.name not in known] + (["springs"] if spec.springs else [])
     attractions = spec.forces_with("gravitates")
-    if others:
-        faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(others)}")
+    if unknown:
+        faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(unknown)}")
     elif grouped := [force.label for force in spec.forces if force.parameters.get("between") is not None]:
         faults.add(place, key, f"takes forces between all bodies ({reason}), not {', '.join(grouped)} with between:")
     elif partial := [force.label for force in spec.forces if force.parameters.get("on") is not None]:
@@ -57,6 +65,12 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         faults.add(place, key, f"knows one {attractions[0].name}, not several")
     elif spec.integrator.flag("integrators", "orbits_central_body"):
         _check_orbits(spec, key, faults)
+
+
+def solves_low_kicks(method: str) -> bool:
+    """Whether a splitting has a higher order than its kicks by forces that are not linear in the velocity."""
+    order = component.flag("integrators", method, "order")
+    return bool(component.flag("integrators", method, "solves_kicks") and order > HIGHEST_KICKS)
 
 
 def refused_formulas(integrator: str, spec: SceneSpec) -> str:

@@ -13,8 +13,6 @@ from mpp_taichi.snapshot import Snapshot
 
 MOST_BODIES = 128
 """Each sum over pairs runs in one thread, four times a step."""
-HIGHEST_KICKS = 4
-"""Highest order of a splitting whose kicks are solved to their order for every force of the velocity (_splitting_table.py)."""
 LARGEST_ORDER = 0.1
 """Largest v²/c² and φ/c² at the start: the next terms of the series are of the order of its square, beside 1."""
 
@@ -28,16 +26,6 @@ def check_relativity(spec: SceneSpec, faults: Faults) -> None:
         told = _what_is_wrong(spec)
         if told:
             faults.add(entry.location, key, told)
-        method = spec.integrator
-        if _is_too_high(method.name):
-            rule = f"would have the third order beside {entry.name}, which is quadratic in the velocities"
-            allowed = [name for name in component.proposed("integrators", "friction") if not _is_too_high(name)]
-            faults.add(method.location, f"integrator.{method.name}", f"{rule}, allowed: {', '.join(allowed)}, among others")
-
-
-def _is_too_high(method: str) -> bool:
-    order = component.flag("integrators", method, "order")
-    return bool(component.flag("integrators", method, "solves_kicks") and order > HIGHEST_KICKS)
 
 
 def _what_is_wrong(spec: SceneSpec) -> str:

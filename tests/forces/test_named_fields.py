@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mpp_taichi import Simulation
+from mpp_taichi import SceneError, Simulation, component
+from mpp_taichi.scene.load import load_scene
 
 TAU = 2.0 * np.pi
 
@@ -281,3 +282,51 @@ def test_near_a_star_orbits_turn_and_keep_the_energy_of_the_first_order():
     energy = newton + (3 / 8 * v2**2 + 3 / 2 * v2 / r + 1 / (2 * r**2)) / c**2
     # The next terms are products of three of v² and 1/r over c⁴, with coefficients near 1.
     assert np.ptp(energy) < (v2 + 1 / r).max() ** 3 / c**4 < 1e-2 * np.ptp(newton)
+
+
+HIGH_SPLITTINGS = [
+    name
+    for name in component.names("integrators")
+    if component.flag("integrators", name, "solves_kicks") and component.flag("integrators", name, "order") > 4
+]
+QUADRATIC = {
+    "schwarzschild": {"schwarzschild": {"mass": 1.0, "speed_of_light": 30.0}},
+    "drag of air": {"external": {"acceleration": ["-0.1*v*vx", "-0.1*v*vy", "-0.1*v*vz"]}},
+    "a product of components": {"external": {"acceleration": ["vx*vy", "0", "0"]}},
+}
+LINEAR = {
+    "friction that depends on place and time": {"external": {"acceleration": ["-(1 + x^2)*vx*cos(t)", "x*y", "-vz"]}},
+    "magnetic field": {"magnetic_field": {"field": [0.0, 0.0, 2.0]}},
+    "migration": {"migration": {"rate": 0.01, "circularization": 0.02}},
+}
+
+
+@pytest.mark.parametrize("method", HIGH_SPLITTINGS)
+def test_splittings_of_high_order_refuse_forces_that_are_not_linear_in_the_velocity(method):
+    scene = {"particles": [{"body": {"mass": 1.0, "position": [1.0, 0.0, 0.0]}}], "integrator": {method: {"dt": 0.1}}}
+    for force in QUADRATIC.values():
+        with pytest.raises(SceneError, match=rf"integrator.{method}: would have the third order beside {next(iter(force))}"):
+            load_scene({**scene, "forces": [force]})
+    for force in LINEAR.values():
+        load_scene({**scene, "forces": [force]})
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "yoshida4", "rk4", "dop853", "implicit_midpoint"])
+def test_other_methods_take_forces_that_are_not_linear_in_the_velocity(method):
+    scene = {"particles": [{"body": {"mass": 1.0, "position": [1.0, 0.0, 0.0]}}], "integrator": {method: {"dt": 0.1}}}
+    for force in QUADRATIC.values():
+        load_scene({**scene, "forces": [force]})
+
+
+@pytest.mark.parametrize(("method", "order"), [("yoshida4", 4), ("kahan_li6", 6), ("kahan_li8", 8)])
+def test_splittings_keep_their_order_with_friction_that_depends_on_the_place(method, order):
+    """Half the step divides the error by 2^order, if the next term of the error is at most a third: by (1 ± 1/3)/(1 ± 1/6) of
+    it, or by (1 ± 1/3)/(1 ± 1/12) in a method that is symmetric."""
+    forces = [
+        {"harmonic_trap": {"frequencies": [1.0, 1.3, 0.7]}},
+        {"external": {"acceleration": ["-(0.2 + 0.3*y^2)*vx", "-0.1*x*vy", "0"]}},
+    ]
+    start = ([1.0, 0.2, 0.3], [0.1, 0.7, -0.2], 4.0)
+    exact = run(forces, *start, steps=2000)[0][-1]
+    coarse, fine = (np.abs(run(forces, *start, steps=steps, method=method)[0][-1] - exact).max() for steps in (20, 40))
+    assert 0.72 * 2**order < coarse / fine < 1.24 * 2**order

@@ -160,6 +160,11 @@ def test_the_scene_is_counted(more, expected):
             "energy 0.0011; momentum changes by 0.00022, as external forces, walls or held particles may change it",
         ),
         (
+            {"conserves_momentum": False, "effects": ["newtonian_gravity", "einstein_infeld_hoffmann"]},
+            "energy 0.0011; momentum changes by 0.00022, "
+            "as terms of 1/c², external forces, walls or held particles may change it",
+        ),
+        (
             {"conserves_angular_momentum": False},
             "energy 0.0011, momentum 0.00022; angular momentum is not conserved in a periodic box",
         ),
