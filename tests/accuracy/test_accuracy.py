@@ -587,6 +587,8 @@ def test_the_page_is_whole_and_needs_nothing_else(kepler_study):
     assert "prefers-color-scheme: dark" in text and "@import" not in text and "url(" not in text
     rows = [element for element in tree.iter() if element.tag.endswith("}tr")]
     assert len(rows) == 1 + len(kepler_study.rows)
+    title, heading, every_run = tags.index("h1"), tags.index("h2"), tags.index("table")
+    assert title < tags.index("svg") < heading < every_run, "the heading stands above its table"
 
 
 def test_the_page_opens_in_a_browser(kepler_study, tmp_path):

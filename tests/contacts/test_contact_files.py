@@ -128,6 +128,36 @@ def test_outlines_lie_on_the_walls_and_move_with_them(dimensions):
         assert len(points) == corners
 
 
+BALL = {"body": {"mass": 1, "radius": 0.1, "position": [0, 0, 0]}}
+TURNED = [
+    {"plane": {"point": [0, -9, 0], "normal": [0, 3, 4]}},
+    {"box": {"lower": [-1, -2, -3], "upper": [1, 1, 1]}},
+    {"cylinder": {"point": [1, 0, 0], "axis": [1, 2, 2], "radius": 4}},
+    {"sphere": {"center": [0, 1, 0], "radius": 5}},
+    {"segment": {"from": [1, 2, 0], "to": [-3, 1, 0]}},
+    {"polygon": {"points": [[1, 2, 0], [-3, 1, 0], [0, -2, 0]]}},
+]
+
+
+@pytest.mark.parametrize("turns", [False, True])
+@pytest.mark.parametrize("wall", TURNED, ids=[next(iter(each)) for each in TURNED])
+def test_the_way_out_of_a_wall_is_the_way_on_which_its_depth_falls(wall, turns):
+    """By differences over ±h, with h² times the curvature as their error, and the rounding of a depth of about 10 over h."""
+    (kind, given), h, time = *wall.items(), 1e-5, 0.7
+    more = {"turning": {"angle": "0.5 * t", "about": [0.5, -0.25, 0]}} if turns else {}
+    solver = {"contacts": {"hard_spheres": {"solver": "swept"}}, "integrator": {"leapfrog": {"dt": 0.1}}}
+    scene = GAS | solver | {"dimensions": 3, "walls": [{kind: given | more}], "particles": [BALL]}
+    walls = enclosure_of(load_scene(scene)).surfaces
+    place, radius = np.random.default_rng(5).uniform(-3.0, 3.0, (20, 3)), np.linspace(0.0, 1.0, 20)
+    assert walls and all((surface.turning is not None) == turns for surface in walls)
+    for surface in walls:
+        depth, outward = surface_depth(surface, place, radius, time)
+        assert depth.shape == (20,) and outward.shape == (20, 3)
+        shifted = [[surface_depth(surface, place + side * h * axis, radius, time)[0] for side in (1, -1)] for axis in np.eye(3)]
+        slope = np.stack([(after - before) / (2.0 * h) for after, before in shifted], axis=1)
+        assert np.abs(slope + outward).max() < 1e-8
+
+
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_walls_fill_the_picture_and_all_of_them_is_seen(projection):
     spec = load_scene(GAS)

@@ -71,6 +71,13 @@ def test_a_share_of_the_work_extrapolates_the_phase_error():
     assert found.time == pytest.approx(leapfrog_time(0.05) * 100.0, rel=0.3)
 
 
+def test_a_long_run_is_searched_for_two_hundredths_of_its_work():
+    """The part that is followed costs itself, a half of itself by double steps, and a half by half steps in a quarter of it."""
+    found = horizon_of(oscillator(0.005, 2000.0), least=0.0)
+    assert found.part == pytest.approx(0.02 / (1.0 + 0.5 + 2.0 * 0.25))
+    assert 0.015 < found.share <= 0.02  # the half steps are followed as far as they are needed
+
+
 def test_a_part_too_short_for_an_oscillation_says_nothing():
     found = horizon_of(oscillator(0.001, 40.0), share=0.1, least=0.0)
     assert found.found == "unknown" and "turns 0.5 times" in found.reason and found.time is None

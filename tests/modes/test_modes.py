@@ -182,6 +182,12 @@ def test_zero_frequency_modes_are_counted_and_told_apart(name):
     )
 
 
+def test_shapes_are_solved_for_only_where_they_are_asked_for():
+    network = network_of(SQUARE, SIDES, dimensions=2)
+    assert spectrum(network).shape is None
+    assert spectrum(network, shapes=True).shape.shape == (8, 4)  # freedoms, modes that vibrate
+
+
 def test_counts_do_not_depend_on_masses_and_stiffnesses_of_any_ratio():
     random = np.random.default_rng(1)
     stiffness = 10.0 ** random.uniform(-4, 4, len(RAILS))

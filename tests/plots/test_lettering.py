@@ -1,7 +1,9 @@
 """Lines of text: each character in a font that has it, measured as it is drawn, and told of where no font has it."""
 
 import logging
+import re
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from PIL import Image, ImageColor, ImageDraw, ImageFont, features
 
 from mpp_taichi.plots import font_files, lettering
-from mpp_taichi.plots.characters import clusters, needed
+from mpp_taichi.plots.characters import clusters, needed, package_with
 from mpp_taichi.plots.font_files import FontFile, find, holds
 from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.plots.lettering import Lettering, Run, runs
@@ -149,6 +151,16 @@ def test_a_character_that_no_font_has_is_told_once_for_its_script(fontconfig, ca
             assert runs(text) == (Run(text, None),)
     assert len(caplog.records) == 1
     assert "U+10FFFD: boxes are drawn" in caplog.records[0].getMessage() and "private use" in caplog.records[0].getMessage()
+
+
+@pytest.mark.parametrize("character", ["🚀", "中", "ص"])
+def test_the_packages_of_fonts_have_the_names_of_their_distributions(character, monkeypatch):
+    """Debian calls packages of fonts fonts-…, Fedora those of Noto google-noto-…."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    on_linux = re.fullmatch(r"the package (\S+) has them \(Fedora: (\S+)\)", package_with(character))
+    assert on_linux[1].startswith("fonts-noto-") and on_linux[2].startswith("google-noto-") and on_linux[2].endswith("-fonts")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert f"on Debian the package {on_linux[1]})" in package_with(character)
 
 
 def test_without_fontconfig_the_folders_of_fonts_are_searched(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from hypothesis import strategies as st
 from mpp_taichi.plots import Curves, Histogram, Samples
 from mpp_taichi.plots.axis import Axis
 from mpp_taichi.plots.cursor import read
+from mpp_taichi.plots.frame import PanelFrame, fitting_axes
+from mpp_taichi.plots.map import Map, MapAxis
+from mpp_taichi.plots.painters import SvgPainter, text_width
 from mpp_taichi.plots.panel import Panel
 from mpp_taichi.plots.sheet import Sheet, arranged
 from mpp_taichi.plots.svg import draw_svg
@@ -123,6 +127,51 @@ def test_an_svg_file_holds_every_point():
     # Pixels are written with two decimals, and the ends of sqrt are those of x.
     assert root_curve[[0, -1], 1] == pytest.approx(theory[[0, -1], 1], abs=0.01)
     assert "speed [m/s]" in "".join(root.itertext())
+
+
+class Placed(SvgPainter):
+    """Keeps the box of each text: left, right and the middle of the line."""
+
+    def __init__(self):
+        SvgPainter.__init__(self)
+        self.texts = {}
+
+    def text(self, x, y, text, color, size, anchor="l"):
+        if text:
+            left = x - {"l": 0.0, "m": 0.5, "r": 1.0}[anchor] * text_width(text, size)
+            self.texts[text] = (left, left + text_width(text, size), y, size)
+
+
+@pytest.mark.parametrize("label", ["t", "a long name of the axis along x"])
+def test_the_texts_of_a_panel_have_their_places_and_do_not_cover_each_other(label):
+    """Title, legend, numbers and names of the axes lie within the panel; the title in its upper left corner."""
+    x, size = np.linspace(0.0, 1e4, 30), 12
+    plot = replace(curves(x, 3.0 * x, 1.0 + x, theories=1), title="energy of the whole", x_label=label, x_unit="s", y_unit="J")
+    frame = PanelFrame.of(plot, 400, 220, size, LIGHT)
+    painter = Placed()
+    frame.draw(painter, plot, *fitting_axes(plot), LIGHT)
+    boxes = painter.texts
+    assert {"energy of the whole", "curve 1", "theory"} <= set(boxes) and any(label in text for text in boxes)
+    left, _, middle, height = boxes["energy of the whole"]
+    # Less than a letter from the left edge; its middle at most a line, 1.2 of the letters, below the upper edge.
+    assert 0.0 < left < size and 0.5 * height < middle < 1.2 * size
+    _, top, right, bottom = frame.field
+    for text, (begin, end, y, height) in boxes.items():
+        assert 0.0 <= begin and end <= 400.0 and 0.5 * height <= y <= 220.0 - 0.5 * height, text
+        assert not (top + 1 < y < bottom - 1 and begin < right and end > frame.field[0]), f"{text} is in the field"
+        for other, (others, end_of_other, level, _) in boxes.items():
+            assert text == other or abs(y - level) > 0.5 * height or end <= others or end_of_other <= begin, (text, other)
+
+
+def test_a_few_numbers_far_from_all_others_leave_the_colours_of_a_map_to_the_others():
+    """Of 1,000 numbers, 996 lie between 100 and 101. Numbers that lie by less than half of this range beyond it have a colour
+    of their own, and numbers that lie further away have the colour of the end of the bar, within a hundredth of the range."""
+    close, low, high = np.linspace(100.0, 101.0, 996), [99.7, 99.6], [101.9, 250.0]
+    values = np.concatenate([low, close, high]).reshape(25, 40)
+    axes = MapAxis("x", np.arange(40.0)), MapAxis("y", np.arange(25.0))
+    found = Map("", *axes, values, np.zeros(values.shape, bool)).extent
+    assert found[0] == 99.6 and found[1] == pytest.approx(101.0, abs=0.01)
+    assert Map("", *axes, -values, np.zeros(values.shape, bool)).extent == pytest.approx((-found[1], -found[0]), abs=1e-9)
 
 
 @pytest.mark.parametrize(

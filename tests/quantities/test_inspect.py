@@ -11,14 +11,16 @@ from PIL import Image
 from mpp_taichi.cli.main import main
 from mpp_taichi.energy.energy_meter import EnergyMeter
 from mpp_taichi.errors import SceneError
+from mpp_taichi.plots import Curves, Samples
+from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.inspector import Inspector
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
 from mpp_taichi.simulation.simulation import Simulation
-from mpp_taichi.views._base import Frame
+from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.panels import Division, narrowed
+from mpp_taichi.views.panels import Division, ViewWithPanels, narrowed
 
 OMEGA, DT, STEPS = 2.0, 0.01, 200
 SCENE = f"""
@@ -232,9 +234,40 @@ def test_a_narrower_picture_shows_all_that_the_wide_one_did():
         division = Division.of(size, RecordSpec(panels=panels, panel_share=0.4))
         (width, height), (wide, high) = division.scene, division.panels
         assert (width + wide, height) == size or (width, height + high) == size
+        assert (wide, high) == {"right": (512, 720), "bottom": (1280, 288)}[panels]  # 0.4 of the side that is divided
         before, after = place(view, size), place(narrowed(view, size, division.scene), division.scene)
         scale = min(width / size[0], height / size[1])
         assert after == pytest.approx(scale * before, rel=1e-9)
     assert Division.of(size, RecordSpec(panels="none")) is None
     chosen = ViewSpec()
     assert narrowed(chosen, size, (600, 720)) is chosen, "a camera that chooses its place is left to it"
+
+
+class Colored(View):
+    """A view of one colour."""
+
+    def __init__(self, size):
+        self.shape = (size[1], size[0], 3)
+
+    def draw(self, frame):
+        return np.full(self.shape, (10, 20, 30), np.uint8)
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("panels", ["right", "bottom"])
+def test_a_picture_with_panels_is_the_view_and_the_panels_side_by_side(panels):
+    size, samples = (300, 200), Samples()
+    samples.open(2)
+    division = Division.of(size, RecordSpec(panels=panels, panel_share=0.5))
+    plots = [Curves("", "x", "", ("y",), "", samples, 0, (1,))]
+    view = ViewWithPanels(Colored(division.scene), plots, division, caption=False)
+    frame = Frame(position=np.zeros((1, 3)), radius=np.ones(1), color=np.ones((1, 3)))
+    for row in ((0.0, 1.0), (1.0, 3.0)):
+        samples.add(np.array(row))
+        picture = view.draw(frame)
+        assert picture.shape == (200, 300, 3)
+        parts = (picture[:, :150], picture[:, 150:]) if panels == "right" else (picture[:100], picture[100:])
+        assert (parts[0] == (10, 20, 30)).all()
+        assert np.array_equal(parts[1], Sheet(plots, division.panels, letters_for(200)).picture())

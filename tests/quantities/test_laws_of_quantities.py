@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from measured import MadeUpSample
 
 from mpp_taichi import component
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.quantities._base import NoResultError, Setting
+from mpp_taichi.quantities._base import NoResultError, Quantity, Setting
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Rods
 from mpp_taichi.start.assemble import assemble
@@ -168,6 +169,15 @@ def test_a_quantity_scales_with_its_dimension(name, given, spec, start):
     assert np.isfinite(found).all() and any(found), "a zero tells nothing"
 
 
+@pytest.mark.parametrize("name", sorted(component.names("quantities")))
+def test_a_quantity_says_what_it_can_measure(name):
+    """A method that is written but not announced would never be called, and an announced method that is missing would fail."""
+    kind = component.load("quantities", name)
+    for flag, method in (("has_rate", "rate"), ("takes_many", "measure_many")):
+        assert getattr(kind, flag) == (getattr(kind, method) is not getattr(Quantity, method)), (flag, method)
+    assert (kind.rate_many is not Quantity.rate_many) == (kind.has_rate and kind.takes_many)
+
+
 RATES = [(name, given) for name, given in CASES if component.flag("quantities", name, "has_rate")]
 
 
@@ -178,6 +188,31 @@ def test_a_rate_is_the_derivative_of_its_quantity(name, given, spec, start):
     rise = quantity.measure(sample_of(later(start, h))) - quantity.measure(sample_of(later(start, -h)))
     assert quantity.rate(sample_of(start)) == pytest.approx(rise / (2 * h), rel=1e-8, abs=1e-9)
     assert quantity.rate(sample_of(start)) != 0.0
+
+
+MANY = [(name, given) for name, given in CASES if component.flag("quantities", name, "takes_many")]
+
+
+@pytest.mark.parametrize(("name", "given"), MANY, ids=[f"{name}-{k}" for k, (name, _) in enumerate(MANY)])
+def test_many_copies_are_measured_as_each_of_them_alone(name, given, spec, start):
+    """Value, rate and interval of three copies with other places, velocities, masses, energies and growth, twice in a row."""
+    many, *alone = (built(name, given, spec, start) for _ in range(4))
+    for age in (0.0, 0.25):
+        starts = [later(start, age), later(start, age + 0.5), later(replace(start, velocity=-2.0 * start.velocity), age)]
+        starts[1] = replace(starts[1], mass=start.mass * np.arange(1.0, 6.0))
+        copies = [sample_of(each, potential_energy=-1.5 * k) for k, each in enumerate(starts)]
+        for k, copy in enumerate(copies):
+            copy.tangent = TangentGrowth(*(array * (k + 1.0) for array in vars(copy.tangent).values()))
+        arrays = {key: np.stack([getattr(each, key) for each in starts]) for key in ("position", "velocity", "mass")}
+        tangent = TangentGrowth(*(np.concatenate(parts) for parts in zip(*(vars(copy.tangent).values() for copy in copies))))
+        energies = np.array([copy.potential_energy for copy in copies])
+        sample = SimpleNamespace(time=3.0, snapshot=SimpleNamespace(**arrays), potential_energy=energies, tangent=tangent)
+        methods = ["measure", *(["rate", "sampling_interval"] if many.has_rate else [])]
+        for method in methods:
+            expected = [getattr(each, method)(copy) for each, copy in zip(alone, copies)]
+            found = getattr(many, f"{method}_many")(sample)
+            # Sums of at most five numbers, which may be added in another order.
+            assert found is None and set(expected) == {None} or found == pytest.approx(expected, rel=1e-14, abs=1e-15)
 
 
 def test_two_ends_of_a_distance_move_by_a_tenth_of_it_between_samples(spec, start):
