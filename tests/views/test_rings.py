@@ -25,6 +25,7 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.view_spec import CameraSpec, LightSpec
 from mpp_taichi.views import renderer, rings
 from mpp_taichi.views._rings import scattered
+from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.srgb import linear_from_srgb
 
 SIZE = (160, 160)
@@ -254,3 +255,14 @@ def test_a_view_without_rings_compiles_none(monkeypatch: pytest.MonkeyPatch) -> 
     finally:
         backends.stop()
     assert rings.tiles_with_rings(np.zeros((0, 9), np.float32), rings.Screen(160, 160, 1.0, True)).sum() == 0
+
+
+def test_rings_are_drawn_from_the_farthest_on_and_at_one_distance_in_the_order_of_the_bodies():
+    """Three distances, each of ten bodies; a row says whose ring it is by its first texel, and texels follow the bodies."""
+    depth = np.random.default_rng(2).permutation(np.repeat([1.0, 2.0, 3.0], 10))
+    center = np.stack([np.linspace(-1.0, 1.0, 30), np.zeros(30), depth], axis=1)
+    spec = view_spec(PARALLEL, bodies={(k, 1): BodyViewSpec(ring=RING) for k in range(30)})
+    camera = Camera(spec.camera, frame_of([0, 0, 0], 1.0), aspect=1.0)
+    rows = rings.Rings(spec).rows(0.0, camera, center, np.full(30, 0.1))
+    order = np.argsort(np.argsort(rows[:, -1]))
+    assert order.tolist() == sorted(range(30), key=lambda k: (-depth[k], k))

@@ -73,6 +73,16 @@ def test_a_line_that_is_too_long_is_cut_off_within_its_box():
     assert not np.array_equal(whole, written("word " * 2))
 
 
+def test_sliders_are_shown_and_hidden_in_turn_and_never_shown_where_there_are_none():
+    with_sliders, without = SliderPanel([Knob("k", "k", 0.0, 1.0, False, lambda: 0.5)]), SliderPanel([])
+    shown = [(with_sliders.shown, without.shown)]
+    for _ in range(3):
+        with_sliders.toggle()
+        without.toggle()
+        shown.append((with_sliders.shown, without.shown))
+    assert shown == [(True, False), (False, False), (True, False), (False, False)]
+
+
 def test_a_slider_follows_the_mouse_that_holds_it_and_a_button_is_pressed_once():
     value = [0.0]
     panel, paper = SliderPanel([Knob("k", "k", 0.0, 1.0, False, lambda: value[0])]), Paper()
