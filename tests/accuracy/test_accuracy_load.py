@@ -4,12 +4,14 @@ import json
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from counted_budget import CountedBudget
 
 import mpp_taichi as mpp
+from mpp_taichi.accuracy import stepper
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.problem import pose
@@ -144,3 +146,14 @@ def test_a_choice_without_its_budget_and_its_reason_is_made_anew(tmp_path, monke
     monkeypatch.setattr(Study, "run", lambda self: (_ for _ in ()).throw(InterruptedError))
     with pytest.raises(InterruptedError):
         choose(spec, tmp_path, precisions=("f64",))
+
+
+def test_a_launch_is_timed_from_an_idle_device_until_the_device_has_done_it(monkeypatch):
+    """Devices work on what was launched before, and return from a launch before it is done."""
+    told = []
+    monkeypatch.setattr(stepper.backends, "import_taichi", lambda: SimpleNamespace(sync=lambda: told.append("wait")))
+    launcher = SimpleNamespace(advance=lambda *given: told.append(given))
+    clock = SimpleNamespace(time=lambda launch: told.append("begin") or launch() or told.append("end"))
+    made = SimpleNamespace(cost=SimpleNamespace(clock=clock), simulation=SimpleNamespace(launcher=launcher))
+    stepper.Stepper.launch(made, 1.0, 0.5, 3)
+    assert told == ["wait", "begin", (1.0, 0.5, 0, 3), "wait", "end"]

@@ -481,6 +481,8 @@ def test_the_margin_is_as_rare_as_it_says():
     bound = 1e-6 * (margin(1) / times) ** COPIES  # the bound falls with the power of the copies
     seen = float(np.mean(beyond > times))
     assert 0.0 < seen <= bound < 10.0 * seen
+    # Places and speeds at eight samples, of six copies: the two factors that docs/compare.md tells.
+    assert [round(margin(2 * 8 * count)) for count in (3, 3000)] == [24, 76]
 
 
 def test_an_integrator_that_the_reference_lacks_is_refused_by_name():
