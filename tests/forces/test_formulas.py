@@ -232,7 +232,7 @@ def test_devices_and_plans_agree(backend, precision, plan, digits, request):
 
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_a_choice_in_the_lanes_of_a_vector_is_that_of_single_numbers(plan):
-    """The larger of two terms, of pairs on both sides of the kink; the parallel plan sums pairs in lanes. One kick from rest."""
+    """The larger of two terms, of pairs on both sides of the kink, in one kick from rest; the parallel plan sums in lanes."""
     place = np.random.default_rng(8).uniform(0.0, 2.0, (64, 3))
     scene = {
         "particles": [{"body": {"mass": 1.0 + k / 64, "position": each.tolist()}} for k, each in enumerate(place)],

@@ -9,6 +9,7 @@ from PIL import Image
 
 import mpp_taichi as mpp
 from mpp_taichi.scene.write import scene_text
+from mpp_taichi.simulation.notebook import picture
 from scenes import kepler
 
 
@@ -217,6 +218,23 @@ def test_a_result_holds_arrays_and_shows_itself():
         assert "t = 1, 163 steps; 1 particles; leapfrog" in page.text and "energy 0" in page.text
         assert "energy" not in repr(simulation)  # a debugger that shows a simulation computes nothing
     assert repr(simulation).endswith("ended") and "img" not in Tags(simulation._repr_html_()).found
+
+
+@pytest.mark.sampled(3)
+def test_a_picture_after_earlier_moments_shows_all_places_of_the_motion():
+    """Two bodies at rest, and one that goes ten times as far as they are apart: the bodies at rest are drawn smaller then."""
+    bodies = [{"mass": 1, "radius": 0.2, "position": [x, 0, 0], "color": [1, 0, 0]} for x in (-1.0, 1.0)]
+    bodies.append({"mass": 1, "radius": 0.2, "position": [0, 0, 0], "velocity": [20, 0, 0], "color": [0, 0, 1]})
+    scene = {"particles": [{"body": each} for each in bodies], "integrator": {"leapfrog": {"dt": 0.25}}}
+    scene["view"] = {"caption": False, "background": [0, 0, 0]}
+    with mpp.Simulation(scene, backend="cpu") as simulation:
+        simulation.run(steps=4)
+        far = simulation.snapshot()
+        simulation.restart()
+        pictures = [picture(simulation, (320, 180), earlier=earlier) for earlier in ((), (far,))]
+    red = [(each[:, :, 0] > each[:, :, 2] + 40).sum() for each in pictures]
+    # The motion is 21 long and at first 2, so that areas fall at least by (2 · 2 / 21)², with 0.2 for the rims of the bodies.
+    assert red[0] > 100 and 0 < red[1] < 0.2 * red[0]
 
 
 @pytest.mark.sampled(3)
