@@ -8,6 +8,7 @@ import pytest
 
 from mpp_taichi import Simulation, load_scene
 from mpp_taichi.start.assemble import assemble
+from mpp_taichi.sweep.alone import AloneSample
 from mpp_taichi.sweep.cost import compiled_share, cost_of
 from mpp_taichi.sweep.replicas import Bench, MemberDevice
 from mpp_taichi.sweep.runner import run_members
@@ -192,6 +193,17 @@ def test_a_member_that_the_scene_refuses_is_a_row():
     rows = rows_of(sweep(KEPLER, vary={"constants.mass": [1, -1, 2]}, measure=["end_time"]))
     assert [row.status for row in rows] == ["ok", "refused", "ok"]
     assert "-1" in rows[1].reason and "at least 0" in rows[1].reason
+
+
+def test_a_member_that_runs_alone_is_seen_as_the_only_one_of_several():
+    scene = {key: value for key, value in KEPLER.items() if key != "sweep"}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(steps=3)
+        seen, now = AloneSample(simulation), simulation.snapshot()
+        assert seen.time == simulation.time and seen.one(0).time == simulation.time
+        for name in ("position", "velocity", "mass"):
+            assert np.array_equal(getattr(seen.snapshot, name), getattr(now, name)[None])
+        assert seen.potential_energy.tolist() == [simulation.mechanics()["potential_energy"]]
 
 
 @pytest.mark.sampled(3)
