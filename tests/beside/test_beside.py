@@ -409,6 +409,18 @@ def test_a_right_half_that_blows_up_leaves_the_film_until_then_and_one_line(tmp_
     assert len(decode(Path("a.mp4"), SIZE)) == count
 
 
+@pytest.mark.sampled(3)
+def test_what_is_found_in_the_right_half_is_told_once_as_a_warning_of_it(scene, capsys):
+    """In f32, steps of 3·10⁻⁵ are lost beside a place of 10⁵, whose last bit is 0.008; the left half keeps them."""
+    content = {"particles": [{"body": {"mass": 1, "position": [1e5, 0, 0], "velocity": [1e-3, 0, 0]}}], "forces": []}
+    content["move_to_center_of_mass"] = False
+    camera = {"position": [1e5, 0, 3], "look_at": [1e5, 0, 0], "up": [0, 1, 0]}
+    words = ["record", scene(**content, view=VIEW | {"camera": camera}), "--beside", "precision=f32", "--precision", "f64"]
+    assert main([*words, "--video", "a.mp4", "--backend", "cpu", *FILM]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
+    assert len(said) == 1 and said[0].startswith("warning: the right half (precision=f32): "), said
+
+
 def children(process):
     """Numbers of a process's own children."""
     return [int(number) for number in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]

@@ -320,6 +320,11 @@ def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, 
         stopped = simulation.snapshot()
         assert np.isfinite(stopped.position).all() and simulation.solver_report.steps == simulation.step_count
         simulation.restart()
+        mark = simulation.mark()
+        simulation.run(steps=stopped.step)
+        with pytest.raises(StabilityError):
+            simulation.run(steps=1)
+        simulation.return_to(mark)  # as after restart, nothing stands still any more
         simulation.run(steps=stopped.step)
         np.testing.assert_array_equal(simulation.snapshot().position, stopped.position)
 
