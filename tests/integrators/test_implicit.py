@@ -298,6 +298,7 @@ def test_going_back_to_a_mark_repeats_every_bit(name):
         simulation.run(steps=7)
         mark = simulation.mark()
         there = simulation.run(steps=5).snapshot()
+        simulation.state.unsolved.fill(1)  # after a step that was not solved nothing moves, until the run goes back
         simulation.return_to(mark)
         assert simulation.step_count == 7
         again = simulation.run(steps=5).snapshot()
@@ -320,11 +321,6 @@ def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, 
         stopped = simulation.snapshot()
         assert np.isfinite(stopped.position).all() and simulation.solver_report.steps == simulation.step_count
         simulation.restart()
-        mark = simulation.mark()
-        simulation.run(steps=stopped.step)
-        with pytest.raises(StabilityError):
-            simulation.run(steps=1)
-        simulation.return_to(mark)  # as after restart, nothing stands still any more
         simulation.run(steps=stopped.step)
         np.testing.assert_array_equal(simulation.snapshot().position, stopped.position)
 
