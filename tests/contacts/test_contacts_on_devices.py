@@ -9,6 +9,7 @@ from test_contacts import UNIT, oblique_pair, spheres
 from mpp_taichi import Simulation
 from mpp_taichi.contacts.overlap.overlaps import Overlaps
 from mpp_taichi.contacts.overlap.rounds import OverlapRounds
+from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.contacts.shared.loop_watch import LoopWatch
 from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs, sweep_on_device
 from mpp_taichi.device import backends
@@ -109,3 +110,25 @@ def test_a_thread_whose_loops_were_ended_knows_it(software_vulkan):
         counter.run(most)
         last, stopped = counter.count.to_numpy()
         assert stopped == (last != most - 1) == (device.probes.loop_limit is not None and most > device.probes.loop_limit)
+
+
+@pytest.mark.parametrize("contact_time", [0.0, 1e-3])
+@pytest.mark.parametrize("solver", ["swept", "simultaneous"])
+def test_all_fields_of_contacts_are_allocated_and_given_back(solver, contact_time, monkeypatch):
+    """Taichi allocates fields that were left out with the next kernel, but then nothing can give their memory back."""
+    made, given_back = [], []
+    begin, end = FieldTrees.__init__, FieldTrees.destroy
+    monkeypatch.setattr(FieldTrees, "__init__", lambda trees: made.append(trees) or begin(trees))
+    monkeypatch.setattr(FieldTrees, "destroy", lambda trees: given_back.append(trees) or end(trees))
+    gas = {"count": 40, "lower": [0, 0], "upper": [3, 2], "radius": 0.1, "speed": 1.0}
+    scene = {
+        "dimensions": 2,
+        "particles": [{"gas": gas}],
+        "contacts": {"hard_spheres": {"solver": solver, "restitution": 0.8, "contact_time": contact_time}},
+        "walls": [{"box": {"lower": [0, 0], "upper": [3, 2]}}],
+        "integrator": {"leapfrog": {"dt": 0.01}},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(steps=2)
+        assert made and all(trees._trees for trees in made)
+    assert set(map(id, given_back)) == set(map(id, made))
