@@ -391,3 +391,17 @@ def test_a_drive_of_a_group_moves_its_particles_only():
         expected = np.zeros(5)
         expected[moved] = 1.0 - math.sin(1.0)
         np.testing.assert_allclose(end.position[:, 2], expected, atol=1e-9)
+
+
+LOSSY = [{"linear_drag": {"coefficient": 0.1}}, {"harmonic_drive": {"of": 0, "force": [1, 0, 0], "angular_frequency": 1}}]
+
+
+@pytest.mark.parametrize("lossy", LOSSY, ids=["drag", "drive"])
+def test_a_scene_keeps_its_energy_only_if_every_force_does(lossy):
+    field, body = {"uniform_gravity": {"acceleration": [0, -1, 0]}}, {"body": {"mass": 1, "position": [0, 0, 0]}}
+    kept = []
+    for forces in ([field], [lossy], [field, lossy], [lossy, field]):
+        scene = {"particles": [body], "forces": forces, "integrator": {"leapfrog": {"dt": 0.1}}}
+        with Simulation(scene, backend="cpu", precision="f64") as simulation:
+            kept.append(simulation.phase.conserves_energy)
+    assert kept == [True, False, False, False]
