@@ -232,11 +232,14 @@ def test_devices_and_plans_agree(backend, precision, plan, digits, request):
 
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_a_choice_in_the_lanes_of_a_vector_is_that_of_single_numbers(plan):
-    """The larger of two terms, of pairs on both sides of the kink, in one kick from rest; the parallel plan sums in lanes."""
+    """Kinks and a cutoff, with pairs on both sides, in one kick from rest; the parallel plan sums a cutoff in whole vectors."""
     place = np.random.default_rng(8).uniform(0.0, 2.0, (64, 3))
     scene = {
         "particles": [{"body": {"mass": 1.0 + k / 64, "position": each.tolist()}} for k, each in enumerate(place)],
-        "forces": [{"pair": {"potential": "max(0, 1 - r)^2 + 0.1*max(r, 0.7)"}}],
+        "forces": [
+            {"pair": {"name": "kinked", "potential": "max(0, 1 - r)^2 + 0.1*max(r, 0.7)"}},
+            {"pair": {"name": "cut", "potential": "3*(r - 1)^2", "cutoff": 0.8}},
+        ],
         "integrator": {"symplectic_euler": {"dt": 2.0**-10}},
     }
     with Simulation(scene, backend="cpu", precision="f64", plan=plan) as simulation:
@@ -244,7 +247,7 @@ def test_a_choice_in_the_lanes_of_a_vector_is_that_of_single_numbers(plan):
     away = place[:, None] - place[None, :]
     r = np.linalg.norm(away, axis=2) + np.eye(64)
     assert ((0.7 < r) & (r < 1.0)).sum() > 100 and (r < 0.7).sum() > 100 and (r > 1.0).sum() > 100
-    slope = -2.0 * np.maximum(0.0, 1.0 - r) + 0.1 * (r > 0.7)
+    slope = -2.0 * np.maximum(0.0, 1.0 - r) + 0.1 * (r > 0.7) + 6.0 * (r - 1.0) * (r < 0.8)
     force = -(slope / r * (1.0 - np.eye(64)))[:, :, None] * away
     expected = force.sum(axis=1) / (1.0 + np.arange(64) / 64)[:, None]
     assert np.abs(found - expected).max() < 64 * 10 * 2.0**-53 * np.abs(force).max()  # ten roundings of each term
