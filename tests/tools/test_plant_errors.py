@@ -77,5 +77,11 @@ def test_contacts_of_spheres_are_planted_where_two_spheres_can_meet(particles, m
 @pytest.mark.parametrize("scene, effect, settings", PLANTS, ids=[f"{scene}-{effect}" for scene, effect, _ in PLANTS])
 def test_quick_scenes_notice_every_planted_error(scene, effect, settings):
     """Without an error the scenes pass, which the tests of scenes see."""
-    code, failed = plant_errors.run(ROOT / "scenes" / f"{scene}.yaml", settings, ["--backend", "cpu"])
+    code, failed, _ = plant_errors.run(ROOT / "scenes" / f"{scene}.yaml", settings, ["--backend", "cpu"])
     assert code == 4 and failed, f"{effect} of {scene} is off by one per cent, and no expectation fails"
+
+
+def test_a_run_without_a_verdict_is_told_with_its_error():
+    scene = ROOT / "scenes" / "kepler.yaml"
+    code, failed, error = plant_errors.run(scene, ["forces[0].newtonian_gravity.strength=nothing"], ["--backend", "cpu"])
+    assert code == 2 and not failed and "unknown name 'nothing'" in error

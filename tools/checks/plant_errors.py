@@ -4,7 +4,8 @@
 
 Effects are every force, the stiffness of all springs, of hinges, the damping and the limits of springs, the temperature and
 the friction of a bath of heat, which are too strong, and the restitution of spheres and that of all walls, which is too low.
-An error is caught where an expectation fails that held before.
+An error is caught where an expectation fails that held before. A run that ends without a verdict, for example by a fault of a
+GPU's driver, catches nothing; its line begins with BROKEN and ends with the error.
 """
 
 import argparse
@@ -117,15 +118,15 @@ def scaled(value, by):
 
 
 def run(scene, settings, device):
-    """The exit code of a run, and the expectations that failed."""
+    """The exit code of a run, the expectations that failed, and the line of an error that ended the run."""
     words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--json", "--quiet", "--no-archive", *device]
     for setting in settings:
         words += ["--set", setting]
     done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
     if not done.stdout.strip():
-        return done.returncode, [done.stderr.strip().splitlines()[-1] if done.stderr.strip() else ""]
+        return done.returncode, [], (done.stderr.strip().splitlines() or [""])[-1]
     found = json.loads(done.stdout)
-    return done.returncode, [row["label"] for row in found.get("expect", []) if not row["passed"]]
+    return done.returncode, [row["label"] for row in found.get("expect", []) if not row["passed"]], found.get("error", "")
 
 
 def main():
@@ -145,13 +146,14 @@ def main():
         if not held:
             print(f"FAILS   {scene.stem}  as it is", flush=True)
         for effect, settings in planted:
-            code, failed = run(scene, settings, device)
-            rows.append({"scene": scene.stem, "effect": effect, "code": code, "failed": failed})
+            code, failed, error = run(scene, settings, device)
+            rows.append({"scene": scene.stem, "effect": effect, "code": code, "failed": failed, "error": error})
             caught = held and code == 4 and bool(failed)
             verdicts.append(
                 (f"{scene.stem}: {effect} times {arguments.by}, expectations that fail, at least", len(failed), 1, caught)
             )
-            print(f"{'caught' if caught else 'MISSED'}  {scene.stem}  {effect}  {code}  {', '.join(failed)}", flush=True)
+            word = "caught" if caught else "MISSED" if code in (0, 4) else "BROKEN"
+            print(f"{word}  {scene.stem}  {effect}  {code}  {', '.join(failed) or error}", flush=True)
     return finish(verdicts, rows, arguments.json)
 
 
