@@ -24,6 +24,12 @@ def test_every_kind_of_effect_is_planted():
     assert {"newtonian_gravity", "springs", "damping of springs", "contacts", "walls"} <= {effect for _, effect, _ in PLANTS}
 
 
+def test_a_force_with_two_effects_has_an_error_in_each():
+    planted = dict(plant_errors.errors_of(ROOT / "scenes" / "migrating_planets.yaml", 1.01))
+    assert planted["migration"] == ["forces[1].migration.rate=1.01 * (shrink)"]
+    assert planted["circularization"] == ["forces[1].migration.circularization=1.01 * (rounding)"]
+
+
 def test_an_error_is_planted_in_every_place_of_its_effect():
     scene = {
         "particles": [

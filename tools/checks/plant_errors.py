@@ -31,6 +31,7 @@ STRENGTHS = {
     "thrust": "exhaust_speed",
 }
 DEFAULTS = {"strength": 1.0}
+SECOND = {"migration": "circularization"}  # a second effect of a force, with a rate of its own
 
 
 def errors_of(scene, by):
@@ -40,6 +41,8 @@ def errors_of(scene, by):
         (name, given) = next(iter(entry.items())) if isinstance(entry, dict) else (entry, None)
         key = STRENGTHS.get(name) or factor_of(name, given or {})
         yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
+        if given and given.get(SECOND.get(name, "")):
+            yield SECOND[name], [f"forces[{number}].{name}.{SECOND[name]}={scaled(given[SECOND[name]], by)}"]
     yield from errors_of_springs(resolved, by)
     yield from errors_of_bath(resolved, by)
     yield from errors_of_contacts(resolved, 1.0 / by)
