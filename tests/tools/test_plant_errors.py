@@ -30,6 +30,12 @@ def test_a_force_with_two_effects_has_an_error_in_each():
     assert planted["circularization"] == ["forces[1].migration.circularization=1.01 * (rounding)"]
 
 
+def test_friction_of_walls_has_an_error():
+    planted = dict(plant_errors.errors_of(ROOT / "scenes" / "turntable.yaml", 1.01))
+    assert planted["friction of the walls"] == ["walls[0].plane.friction=1.01 * (mu)"]
+    assert "friction of the walls" not in dict(plant_errors.errors_of(ROOT / "scenes" / "hourglass.yaml", 1.01))
+
+
 def test_an_error_is_planted_in_every_place_of_its_effect():
     scene = {
         "particles": [

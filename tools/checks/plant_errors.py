@@ -2,8 +2,9 @@
 
     python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
-Effects are every force, the stiffness of all springs, of hinges, the damping and the limits of springs, the temperature and
-the friction of a bath of heat, which are too strong, and the restitution of spheres and that of all walls, which is too low.
+Effects are every force, the stiffness of all springs, of hinges, the damping and the limits of springs, the temperature and the
+friction of a bath of heat, and the friction of all walls, which are too strong, and the restitution of spheres and that of all
+walls, which is too low.
 An error is caught where an expectation fails that held before. A run that ends without a verdict, for example by a fault of a
 GPU's driver, catches nothing; its line begins with BROKEN and ends with the error.
 """
@@ -46,6 +47,7 @@ def errors_of(scene, by):
     yield from errors_of_springs(resolved, by)
     yield from errors_of_bath(resolved, by)
     yield from errors_of_contacts(resolved, 1.0 / by)
+    yield from errors_of_friction(resolved, by)
 
 
 def factor_of(name, given):
@@ -101,6 +103,14 @@ def errors_of_contacts(resolved, by):
     ]
     if settings:
         yield "walls", settings
+
+
+def errors_of_friction(resolved, by):
+    """The friction of all walls."""
+    rough = [(f"walls[{number}].{kind}", given) for number, kind, given in walls_of(resolved) if given.get("friction")]
+    settings = [f"{wall}.friction={scaled(given['friction'], by)}" for wall, given in rough]
+    if settings:
+        yield "friction of the walls", settings
 
 
 def walls_of(resolved):
