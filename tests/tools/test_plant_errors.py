@@ -30,6 +30,10 @@ def test_a_force_with_two_effects_has_an_error_in_each():
     assert planted["circularization"] == ["forces[1].migration.circularization=1.01 * (rounding)"]
 
 
+def test_a_force_that_is_off_has_no_error():
+    assert set(dict(plant_errors.errors_of(ROOT / "scenes" / "steered_rocket.yaml", 1.01))) == {"newtonian_gravity"}
+
+
 def test_friction_of_walls_has_an_error():
     planted = dict(plant_errors.errors_of(ROOT / "scenes" / "turntable.yaml", 1.01))
     assert planted["friction of the walls"] == ["walls[0].plane.friction=1.01 * (mu)"]

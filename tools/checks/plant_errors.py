@@ -41,7 +41,9 @@ def errors_of(scene, by):
     for number, entry in enumerate(resolved.get("forces") or ()):
         (name, given) = next(iter(entry.items())) if isinstance(entry, dict) else (entry, None)
         key = STRENGTHS.get(name) or factor_of(name, given or {})
-        yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
+        value = (given or {}).get(key, DEFAULTS.get(key))
+        if value not in (0, [0] * 2, [0] * 3):  # a force that is off, for example until a key of the window is pressed
+            yield name, [f"forces[{number}].{name}.{key}={scaled(value, by)}"]
         if given and given.get(SECOND.get(name, "")):
             yield SECOND[name], [f"forces[{number}].{name}.{SECOND[name]}={scaled(given[SECOND[name]], by)}"]
     yield from errors_of_springs(resolved, by)
