@@ -146,10 +146,9 @@ class EventDriven(ContactSolver):
                 self.log.empty()
             if status == COLLAPSED:
                 a, b = (self.setup.label(self.culprits[k]) for k in range(2))
-                longer = "longer " if self.contact_time > 0.0 else ""
                 raise StabilityError(
                     f"inelastic collapse at time {self.event_time[None]:.9g}: {a} and {b} meet again and again while the time "
-                    f"no longer moves; give contacts a {longer}contact_time"
+                    "no longer moves; give contacts a contact_time"
                 )
         self._show(end)
 

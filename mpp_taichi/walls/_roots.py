@@ -12,8 +12,9 @@ HALVINGS = 128
 def first_contact(gap, speed, acceleration, horizon):
     """First s in 0 … horizon at which gap + speed s + acceleration s² / 2 is ≤ 0 and shrinks, else infinity.
 
-    An overlapping pair (gap ≤ 0) that recedes but is pulled back meets again at the return to gap 0, or, if it never
-    gets that far, at its turning point.
+    An overlapping pair (gap < 0) that recedes but is pulled back meets again at the gap 0, or, if the way there takes more than
+    half of the energy of its motion, at the gap of now. Round-off leaves such gaps after a contact; a contact at the gap 0, or
+    at the turning point, would take all energy of a slow bounce, and the time would not go on.
     """
     result = ti.math.inf
     discriminant = speed * speed - 2 * acceleration * gap
@@ -23,8 +24,14 @@ def first_contact(gap, speed, acceleration, horizon):
         elif discriminant >= 0:
             result = 2 * gap / (ti.sqrt(discriminant) - speed)
     elif acceleration < 0:
-        result = (speed + ti.sqrt(ti.max(discriminant, 0))) / -acceleration
+        result = time_of_return(speed, acceleration, discriminant)
     return result if result <= horizon else ti.math.inf
+
+
+@ti.func
+def time_of_return(speed, acceleration, square):
+    """Time until the gap is 0 again, with the speed −√square, or, if this is less than half of the energy, the gap of now."""
+    return (speed + ti.sqrt(square if 2 * square >= speed * speed else speed * speed)) / -acceleration
 
 
 @ti.func
@@ -60,6 +67,7 @@ def first_contact_curved(q, u, reach, inside: Template, horizon):
 def first_contact_falling(q, u, a, reach, inside: Template, horizon):
     """The first contact along q + u s + a s² / 2, where the squared distance is a quartic in s.
 
+    Spheres that overlap and recede meet again where they are as near as they are now (see `first_contact`).
     The quartic is split at the roots of its derivative, which are split at the roots of the next, so no contact is missed
     and every search is a bracketed one.
     """
@@ -67,6 +75,8 @@ def first_contact_falling(q, u, a, reach, inside: Template, horizon):
     c4, c3 = sign * a.norm_sqr() / 4, sign * u.dot(a)
     c2, c1 = sign * (u.norm_sqr() + q.dot(a)), sign * 2 * q.dot(u)
     c0 = sign * (q.norm_sqr() - reach * reach)
+    if c1 > 0:
+        c0 = ti.max(c0, 0.0)
     result = ti.math.inf
     if c4 == 0:
         result = first_contact_curved(q, u, reach, inside, horizon)

@@ -16,7 +16,7 @@ import taichi as ti
 
 from mpp_taichi.walls._base import Surface
 from mpp_taichi.walls._geometry import turn
-from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
+from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling, time_of_return
 from mpp_taichi.walls._turnings import MOST_PIECES, good_for, place_in_wall, turned, velocity_in_wall, velocity_of_wall
 
 FAR = 1e6  # radii; the gap of a segment that a sphere cannot press against, since it lies behind another segment
@@ -331,15 +331,17 @@ class WallSegments:
 def _passes(gap, speed, acceleration, touching):
     """First s ≥ 0 at which gap + speed s + acceleration s² / 2 falls through 0, or infinity.
 
-    A sphere that is `touching` and recedes, but turns back before the gap opens, meets the side where it turns.
+    A sphere that is `touching` (gap ≤ 0) and recedes meets the side again as in `first_contact`.
     """
     result = ti.math.inf
     if gap > 0:
         result = first_contact(gap, speed, acceleration, ti.math.inf)
     elif acceleration < 0 and speed >= 0:
         square = speed * speed - 2 * acceleration * gap
-        if square >= 0 or touching:
-            result = (speed + ti.sqrt(ti.max(square, 0))) / -acceleration
+        if touching:
+            result = time_of_return(speed, acceleration, square)
+        elif square >= 0:
+            result = (speed + ti.sqrt(square)) / -acceleration
     return result
 
 

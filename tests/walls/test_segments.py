@@ -77,9 +77,9 @@ def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():
         ((0.0, -0.08), (0.3, -1.0), 0.0, np.inf),
         ((1.05, 0.0), (-1.0, 0.2), 0.0, 0.0),
         ((1.05, 0.0), (1.0, 0.2), 0.0, np.inf),
-        # 0.08 + s − s² = 0.1 at its later root; with a tenth of the speed the top, at 0.05, is still below.
+        # 0.08 + s − s² = 0.1 at its later root; with a tenth of the speed the top is still below, and 0.08 comes back at 0.1.
         ((0.0, 0.08), (0.0, 1.0), -2.0, (1 + np.sqrt(1 - 0.08)) / 2),
-        ((0.0, 0.08), (0.0, 0.1), -2.0, 0.05),
+        ((0.0, 0.08), (0.0, 0.1), -2.0, 0.1),
         # Thrown up beside the end, it comes down on the wall; falling past it, it comes up from below: 1 − 3 s + s² = −0.1.
         ((-1.5, 0.05), (1.0, 1.0), -2.0, (1 + np.sqrt(1 - 4 * 0.05)) / 2),
         ((-1.5, 1.0), (0.6, -3.0), 2.0, (3 + np.sqrt(9 - 4.4)) / 2),

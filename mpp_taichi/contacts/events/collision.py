@@ -18,6 +18,8 @@ from mpp_taichi.walls._surfaces import WallSurfaces
 # collapse; the number of elastic contacts is bounded by the number of touching spheres.
 STALLED_INELASTIC = 16
 STALLED_ELASTIC = 1000
+ROUNDINGS = 4.0
+"""Roundings of a place by which a contact with a wall takes a sphere out of the wall, where round-off left it."""
 
 
 @ti.data_oriented
@@ -38,6 +40,7 @@ class Collision:
         self.spheres, self.cells, self.walls = spheres, cells, walls
         self.deviation, self.follows_deviation = deviation, deviation is not None
         self.contact_time = float(setup.contact_time)
+        self.rounding = ROUNDINGS * (2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53)
         wide = spheres.wide
         self.pair_count, self.wall_count, self.elastic_count = (ti.field(ti.i32) for _ in range(3))
         self.unresolved = ti.field(ti.i32)
@@ -124,6 +127,9 @@ class Collision:
         e, elastic = restitution_after(nominal, time - last, self.contact_time)
         self._count_elastic(elastic)
         v, inverse_mass = self.spheres.velocity[i], self.spheres.inverse_mass(i)
+        if gap < 0:
+            back = ti.min(-gap, ti.static(self.rounding) * (x.norm() + self.spheres.radius(i)))
+            self.spheres.position[i] = x + back * ti.select(inverse_mass > 0, n, 0 * n)
         speed, softness = n.dot(v - velocity), (n * n).dot(inverse_mass)
         self._note_overlap(-gap, self.spheres.radius(i))
         self.impulse[None] = 0.0
