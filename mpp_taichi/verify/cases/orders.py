@@ -17,7 +17,7 @@ from mpp_taichi.verify.place import DOUBLE, Place
 KEPLER = "Kepler's equation, solved by Newton's method in double precision"
 ORDER_ECCENTRICITY, DRIFT_ECCENTRICITY, BACK_ECCENTRICITY = 0.6, 0.3, 0.5
 PART = 0.4  # of a revolution from pericentre: no second pericentre cancels the error of the first
-COARSEST, FINEST, FINEST_IMPLICIT = 10, 1 << 16, 1 << 13  # steps in this part
+COARSEST, FINEST, FINEST_IMPLICIT = 10, 1 << 16, 1 << 11  # steps in this part; an implicit step is many launches on devices
 APART = 1.25  # steps of a rung over those of the rung before
 RUNGS = 5
 SLOPE_OFF = 0.1
@@ -36,6 +36,13 @@ def _declared(name: str, attribute: str) -> float:
     return found
 
 
+def _is_implicit(name: str) -> bool:
+    import_taichi()
+    from mpp_taichi.integrators._implicit import Implicit
+
+    return issubclass(component.load("integrators", name), Implicit)
+
+
 def _stages(name: str) -> int:
     return max(1, int(_declared(name, "evaluations")))
 
@@ -43,7 +50,7 @@ def _stages(name: str) -> int:
 def _order_of(name: str) -> Case:
     def ask(place: Place) -> Found:
         time, order = PART * period(), _declared(name, "order")
-        finest = FINEST_IMPLICIT if component.flag("integrators", name, "implicit", False) else FINEST
+        finest = FINEST_IMPLICIT if _is_implicit(name) else FINEST
         found: list[tuple[int, float]] = []
         with place.simulation(orbit(ORDER_ECCENTRICITY, {name: {"dt": time / COARSEST}})) as simulation:
             count = COARSEST
