@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._launchers import Launchers
@@ -256,7 +257,7 @@ class Adaptive(Integrator):
 
 def rounding() -> float:
     """Distance between 1 and the next larger number in the precision of the run."""
-    return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
+    return 2.0 * round_off()
 
 
 def farthest() -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.rough_functions import rough_power
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -119,8 +120,7 @@ class Embedded(Adaptive):
 
     def control(self) -> tuple[float, float]:
         """The tolerance, but no less than round-off allows; and the length of the first step relative to `time_of_change`."""
-        rounding = 2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53
-        tolerance = max(self.tolerance, 16.0 * rounding)
+        tolerance = max(self.tolerance, 16.0 * round_off())
         return tolerance, FIRST_SHARE * tolerance ** (1.0 / self.error_order)
 
     # Steps up to the time of a sample

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.device.fast_taichi import series_walk
 from mpp_taichi.neighbors.tree_check import TreeCheck
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
@@ -46,7 +47,7 @@ class TreeSum:
         self.dimensions = dimensions
         config = ti.lang.impl.current_cfg()
         on_cpu = config.arch == ti.cpu
-        self.rounding = 2.0 ** (-24 if config.default_fp == ti.f32 else -53)
+        self.rounding = round_off()
         padded = -(-particle_count // GROUP) * GROUP
         self.order = TreeOrder(particle_count, padded, dimensions, on_cpu=on_cpu)
         self.nodes = TreeNodes(self.order)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.deviation import Deviation
@@ -40,7 +41,7 @@ class Collision:
         self.spheres, self.cells, self.walls = spheres, cells, walls
         self.deviation, self.follows_deviation = deviation, deviation is not None
         self.contact_time = float(setup.contact_time)
-        self.rounding = ROUNDINGS * (2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53)
+        self.rounding = ROUNDINGS * round_off()
         wide = spheres.wide
         self.pair_count, self.wall_count, self.elastic_count = (ti.field(ti.i32) for _ in range(3))
         self.unresolved = ti.field(ti.i32)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.types import Template
@@ -39,7 +40,7 @@ class ContactRows:
         self.particle_count = n
         self.walls = WallSurfaces(setup.enclosure)
         self.period = setup.enclosure.period
-        self.epsilon = float(np.finfo(np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64).eps)
+        self.epsilon = 2.0 * round_off()
         each = max(ENTRIES_EACH, n - 1) if n * n <= FEW_ENTRIES else ENTRIES_EACH
         self.capacity = (each + self.walls.plain_count + min(self.walls.segment_count, SEGMENTS_EACH)) * n
         numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder

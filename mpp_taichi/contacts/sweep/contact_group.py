@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
@@ -31,7 +32,7 @@ class ContactGroup:
         self.capacity = max(capacity, 1)
         self.particle_count = setup.particle_count
         # Rounding unit of the precision, and the speed, relative to the largest, below which a contact does not approach.
-        self.epsilon = 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
+        self.epsilon = 2.0 * round_off()
         self.threshold = ROUND_OFF * self.epsilon
         self._trees = FieldTrees()
         self.inverse_mass = ti.Vector.field(self.dimensions, float)

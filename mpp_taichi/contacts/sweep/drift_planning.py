@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.round_off import round_off
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
@@ -121,8 +122,7 @@ class DriftPlanner:
                 f"a period of {self.shortest_period:g} is too short for spheres of radius {self.largest_radius:g}: "
                 f"two of them must fit into half of it"
             )
-        config = ti.lang.impl.current_cfg()
-        self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
+        self.epsilon = 2.0 * round_off()
         self.on_cpu = on_cpu()
         self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
         self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
