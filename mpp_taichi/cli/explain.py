@@ -5,6 +5,7 @@ of an effect that the scene does not have is measured by adding it with next to 
 """
 
 import argparse
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
@@ -108,6 +109,11 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
     return {"seconds_per_step": step.seconds, "spread": step.spread, "shares": rows(shares), "absent": rows(prices)}
 
 
+def _column(names: Iterable[str]) -> int:
+    """Characters of a column of names."""
+    return max([20, *(len(name) + 2 for name in names)])
+
+
 def _lines(found: dict[str, Any]) -> list[str]:
     from mpp_taichi.cli._phases import phase_line
     from mpp_taichi.modes.network_report import MOST_FREEDOMS, network_lines, note
@@ -119,8 +125,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
     if found["force_evaluations_per_step"] is None:
         evaluations = "as many force evaluations as each step needs"
-    widest = max(20, *(len(name) + 2 for name in found["fields"]))
-    name = max([20, *(len(row["effect"]) + 2 for row in (*found["shares"], *found["absent"]))])
+    fields = _column(found["fields"])
+    effects = _column(row["effect"] for row in (*found["shares"], *found["absent"]))
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs"
         + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),
@@ -130,11 +136,11 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields, {_memory(found)}",
-        *(f"           {name:{widest}s}{_bytes(size)}" for name, size in found["fields"].items()),
+        *(f"           {name:{fields}s}{_bytes(size)}" for name, size in found["fields"].items()),
         f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
-        *(f"           {row['effect']:{name}s}{_share(row, ' of it')}" for row in found["shares"]),
+        *(f"           {row['effect']:{effects}s}{_share(row, ' of it')}" for row in found["shares"]),
         "absent     what each would add to a step",
-        *(f"           {row['effect']:{name}s}{_share(row)}" for row in found["absent"]),
+        *(f"           {row['effect']:{effects}s}{_share(row)}" for row in found["absent"]),
         *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
         f"dt         {found['dt']:.6g}; {found['dt_said']}",
         *(f"{head:10s} {text}" for head, text in network_lines(found)),

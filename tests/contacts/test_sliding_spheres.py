@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_contacts import UNIT
 
 from mpp_taichi import Simulation
 
@@ -11,23 +12,21 @@ NORMAL = np.array([3.0, 4.0, 0.0]) / 5.0
 TOP = np.array([-3.0, 9.0, 0.0])
 HEIGHT = 1e-6 * np.arange(1, COUNT + 1)  # in f32, places are rounded by 5e-7
 DURATION = np.sqrt(2.0 * WAY / (0.6 * G))
-UNIT = {"f32": 2.0**-24, "f64": 2.0**-53}
 
 
-def slid(wall, start, precision, dimensions):
-    """A simulation of spheres that were at rest above a wall, after `DURATION`."""
-    bodies = [{"mass": 1.0, "radius": RADIUS, "position": place[:dimensions].tolist()} for place in start]
+def sliding(wall, start, precision, dimensions=2, *, free=True, **bounces):
+    """A simulation of spheres that are at rest above a wall."""
+    free = [free, True, True][:dimensions]
+    bodies = [{"mass": 1.0, "radius": RADIUS, "position": place[:dimensions].tolist(), "free": free} for place in start]
     scene = {
         "dimensions": dimensions,
         "particles": [{"body": body} for body in bodies],
         "forces": [{"uniform_gravity": {"acceleration": [0.0, -G, 0.0][:dimensions]}}],
-        "contacts": {"hard_spheres": {"solver": "event_driven", "restitution": 0.2, "contact_time": 0.01}},
+        "contacts": {"hard_spheres": {"solver": "event_driven", **bounces}},
         "walls": [wall],
         "run": {"duration": DURATION},
     }
-    simulation = Simulation(scene, backend="cpu", precision=precision)
-    simulation.run(duration=DURATION)
-    return simulation
+    return Simulation(scene, backend="cpu", precision=precision)
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
@@ -39,7 +38,9 @@ def test_spheres_slide_down_a_slope_as_without_friction(kind, precision):
         "plane": {"plane": {"point": TOP.tolist(), "normal": NORMAL.tolist()}},
     }
     start = TOP + 0.5 * np.arange(COUNT)[:, None] * SLOPE + (RADIUS + HEIGHT)[:, None] * NORMAL
-    with slid(walls[kind], start, precision, 2 if kind == "segment" else 3) as simulation:
+    bounces = {"restitution": 0.2, "contact_time": 0.01}
+    with sliding(walls[kind], start, precision, 2 if kind == "segment" else 3, **bounces) as simulation:
+        simulation.run(duration=DURATION)
         end, report = simulation.snapshot().position, simulation.contact_report
     contacts, unit, size = report.wall_count / COUNT, UNIT[precision], np.abs(end).max()
     assert report.pair_count == 0 and contacts > 100
@@ -55,16 +56,8 @@ def test_spheres_slide_down_a_slope_as_without_friction(kind, precision):
 def test_a_contact_with_an_oblique_wall_leaves_a_held_axis_where_it_is():
     """Spheres that fall along y and cannot move along x, in f32, where most contacts leave an overlap of a rounding."""
     start = TOP + 0.5 * np.arange(COUNT)[:, None] * SLOPE + (RADIUS + 0.1) * NORMAL
-    bodies = [{"mass": 1.0, "radius": RADIUS, "position": place[:2].tolist(), "free": [False, True]} for place in start]
-    scene = {
-        "dimensions": 2,
-        "particles": [{"body": body} for body in bodies],
-        "forces": [{"uniform_gravity": {"acceleration": [0.0, -G]}}],
-        "contacts": {"hard_spheres": {"solver": "event_driven"}},
-        "walls": [{"plane": {"point": TOP[:2].tolist(), "normal": NORMAL[:2].tolist()}}],
-        "run": {"duration": 5.0},
-    }
-    with Simulation(scene, backend="cpu", precision="f32") as simulation:
+    wall = {"plane": {"point": TOP[:2].tolist(), "normal": NORMAL[:2].tolist()}}
+    with sliding(wall, start, "f32", free=False) as simulation:
         before = simulation.snapshot().position[:, 0]
         simulation.run(duration=5.0)
         assert simulation.contact_report.wall_count > 50 and simulation.contact_report.largest_overlap > 0.0

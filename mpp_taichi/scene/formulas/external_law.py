@@ -135,6 +135,8 @@ def _derived(
             for push, x in zip(pushes, place, strict=True)
         ]
         moved = any(rate.has(each) for rate in rates for each in motion)
+        by_velocity = [[sympy.diff(rate, v) for v in motion] for rate in rates]
+        linear = not any(entry.has(v) for row in by_velocity for entry in row for v in motion)
         timed = any(each.has(symbols["t"]) for each in (*rates, energy))
         jerk, snap = [], []
         has_more = not moved and not any(map(kinks, expressions)) and all(map(is_short, rates))
@@ -153,8 +155,8 @@ def _derived(
     flags = {
         "conserves_energy": not works and not timed,
         "depends_on_velocity": moved,
-        "linear_in_velocity": _is_linear(rates, motion),
-        "turns": _is_linear(rates, motion) and _turns(rates, motion),
+        "linear_in_velocity": linear,
+        "turns": linear and _turns(by_velocity),
         "depends_on_time": timed,
         "has_derivatives": has_more,
         "proportional_to_mass": "m" not in programs[0].names,
@@ -174,13 +176,7 @@ def _along_push(expression: Any, motion: list[Any], push: list[Any]) -> Any:
     return sum(sympy.diff(expression, v) * a for v, a in zip(motion, push, strict=True))
 
 
-def _is_linear(rates: list[Any], motion: list[Any]) -> bool:
-    """Whether the acceleration is A + B v with an A and a matrix B of place and time."""
-    return not any(sympy.diff(rate, v).has(other) for rate in rates for v in motion for other in motion)
-
-
-def _turns(rates: list[Any], motion: list[Any]) -> bool:
-    """Whether a linear acceleration is A + v × Ω with an A and an Ω of place and time: by an antisymmetric matrix."""
-    matrix = [[sympy.diff(rate, v) for v in motion] for rate in rates]
-    pairs = [(j, k) for j in range(len(motion)) for k in range(j + 1)]
+def _turns(matrix: list[list[Any]]) -> bool:
+    """Whether a linear acceleration with these derivatives by the velocity is A + v × Ω: whether they are antisymmetric."""
+    pairs = [(j, k) for j in range(len(matrix)) for k in range(j + 1)]
     return all(is_zero(matrix[j][k] + matrix[k][j]) for j, k in pairs)
